@@ -15,16 +15,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.kit.boards import now_s
 from tests.kit.rover import ChipRig, Rig, Script, push_by_hand
 from wayfarer.commissioning import checks
 from wayfarer.commissioning.calibrate import STEPS, calibrate, residual_deg
 from wayfarer.config.calibration_file import Calibration, FlowEntry, stamp
+from wayfarer.drivers.bno055 import BNO055, BNO055Settings
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import LEARN, OFF
 from wayfarer.errors import BadInput, NotResponding, WayfarerError
-from wayfarer.hal import MotionReading
+from wayfarer.hal import MotionReading, Rover
 from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chips.bno055 import BNO055Chip
 from wayfarer.simhal.chips.cmps14 import CALIBRATED, CMPS14Chip
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.sensor_models import HeadingSensorModel
 
 
 class LearningChip(CMPS14Chip):
@@ -135,6 +140,36 @@ def test_the_compass_learns_stores_and_learns_no_more(learning: LearningRig, for
     assert shown[-1] == "field 3 of 3, tilt 3 of 3"
     assert len(shown) == len(set(shown))
     assert learning.world.most == 0.0
+
+
+class LearningBNO055(BNO055Chip):
+    """Its levels rise with each look."""
+
+    looks = 0
+
+    def _read(self, register: int, count: int) -> bytes:
+        self.looks += 1
+        self.calibration = 0xF0 | min(3, self.looks // 8) << 2 | min(3, self.looks // 6)
+        return super()._read(register, count)
+
+
+@pytest.mark.parametrize(("nose_deg", "advice"), [(10.0, []), (270.0, ["heading_offset_deg = 0"])])
+def test_bno055_is_turned_about_and_its_offsets_and_its_north_are_told(
+    rig: ChipRig, nose_deg: float, advice: list[str]
+) -> None:
+    there = LearningBNO055(HeadingSensorModel(rig.world, RandomStreams(0)), now_s)
+    buses = FakeBuses()
+    buses.i2c("/dev/i2c-1").attach(0x28, there)
+    table = {"driver": "bno055", "heading_offset_deg": 90.0}
+    rig.config = rig.config.model_copy(update={"parts": rig.config.parts | {"compass": table}})
+    rig.rover = Rover(BNO055(BNO055Settings(heading_offset_deg=90.0), buses), rig.motors)
+    someone = person(rig)
+    someone.number_given = nose_deg  # it points west after three quarter turns, and the setting makes that north
+    found = rig.calibrate(someone, "compass").compass
+    assert found is not None
+    assert (found.level, found.residual_deg < 2.0) == (3, True)
+    written = [text.removeprefix("Write under [parts.compass]: ") for text in someone.told if text.startswith("Write")]
+    assert written == [f'offsets = "{bytes(16).hex()}0000e803e001"', *advice]
 
 
 def test_a_compass_that_never_gets_there_stores_nothing_and_stops_learning(learning: LearningRig) -> None:

@@ -17,7 +17,7 @@ from wayfarer.angles import wrap180
 from wayfarer.drivers.bno055 import BNO055, OPEN_S, BNO055Settings, decode, flaw
 from wayfarer.errors import BadReading, NotResponding, PowerLost, WrongPart
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.chips.bno055 import AXES, BOOT_S, MODE, NDOF, NDOF_FMC_OFF, UNITS, BNO055Chip
+from wayfarer.simhal.chips.bno055 import AXES, BOOT_S, MODE, NDOF, NDOF_FMC_OFF, OFFSETS, UNITS, BNO055Chip
 from wayfarer.testing import check_compass
 
 Trouble = Callable[[bytes], bytes]
@@ -83,7 +83,7 @@ def lost(_: bytes) -> bytes:
 def test_usual_block_is_decoded() -> None:
     block = decode(USUAL)
     assert flaw(block) is None
-    assert (block.heading, block.quaternion, block.calibration) == (173 * 16, (11585, 0, 0, -11585), 0x3C)
+    assert (block.heading, block.quaternion, block.levels) == (173 * 16, (11585, 0, 0, -11585), (0, 3, 3, 0))
     assert block.settings == (0x00, 0x0C, 0x00, 0x24, 0x00)
     assert block.tilt_deg == pytest.approx((0.0, 9.98), abs=0.01)
 
@@ -296,6 +296,41 @@ def test_part_that_lost_its_power_is_noticed_and_works_again_once_it_is_opened(l
 
     run_virtually(lose_power())
     assert bytes(bench.chip.registers[AXES : AXES + 2]) == b"\x21\x04"
+
+
+# -- calibration -----------------------------------------------------------------------------------------------------
+
+
+@both
+def test_offsets_that_it_learnt_are_told_and_written_again_after_a_loss_of_power(line: str) -> None:
+    bench = Bench(line)
+    learnt = bytes(range(1, 23))
+
+    async def learn() -> str:
+        compass = await bench.opened()
+        bench.chip.registers[OFFSETS : OFFSETS + 22] = learnt
+        told = await compass.offsets()
+        assert (await compass.read()).heading_deg == 173.0, "its fusion runs again"
+        return told
+
+    told = run_virtually(learn())
+    assert told == learnt.hex()
+    again = Bench(line, offsets=told)
+    run_virtually(again.opened())
+    assert bytes(again.chip.registers[OFFSETS : OFFSETS + 22]) == learnt
+
+
+@pytest.mark.parametrize("offsets", ["00" * 22, "01" * 20 + "0000", "01" * 21, "01" * 23, "lost"])
+def test_offsets_that_would_stop_the_fusion_or_are_none_are_refused(offsets: str) -> None:
+    with pytest.raises(ValueError, match=f"offsets '{offsets}'"):
+        BNO055Settings(offsets=offsets)
+
+
+@virtual
+async def test_all_levels_are_told() -> None:
+    bench = Bench()
+    bench.chip.calibration = 0x39
+    assert await (await bench.opened()).calibration() == (0, 3, 2, 1)
 
 
 # -- the serial line -------------------------------------------------------------------------------------------------

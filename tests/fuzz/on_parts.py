@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 from tests.fuzz.damage import Choices
 from tests.fuzz.target import Target, Try, refused
-from wayfarer.drivers.buses import Frame
+from wayfarer.drivers.bno055 import BNO055, BNO055Settings
+from wayfarer.drivers.buses import ANSWER_WITHIN_S, Frame, Missing, whole
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901, PMW3901Settings
@@ -38,7 +39,7 @@ FAULTS = st.builds(
     st.lists(st.binary(max_size=34), max_size=40),
 )
 
-# Of a part that makes three transfers in all, and tries each three times.
+# Of a part that makes three transfers in all, and of one that tries each up to four times.
 FAULTS_AT_ONCE = st.lists(st.binary(min_size=1, max_size=34), min_size=1, max_size=40)
 
 Answer = Callable[[bytes, int], bytes]
@@ -62,7 +63,7 @@ class Wire:
     def __call__(self, name: str, **settings: Any) -> Wire:
         return self
 
-    i2c = spi = __call__
+    i2c = spi = serial = __call__
 
     async def write(self, address: int, data: bytes) -> None:
         self._suffered(b"")
@@ -74,6 +75,10 @@ class Wire:
 
     async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
         return tuple(self._suffered(self._answer(piece, len(piece))) for piece in pieces)
+
+    async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
+        answer = self._suffered(self._answer(data, data[-1]))
+        return whole(self.name, answer, missing, within_s)
 
     def post(self, address: int, data: bytes) -> None:
         pass
@@ -131,7 +136,7 @@ def _check_now(t_s: float) -> None:
 BLOCK = pack(">BBHbb9h2xhhB", 7, 64, 900, 3, -2, 1, 2, 3, 4, 5, 1000, 7, 8, 9, 30, -20, 0xFF)
 
 
-async def _read_compass(part: CMPS14) -> None:
+async def _read_compass(part: CMPS14 | BNO055) -> None:
     reading = await part.read()
     assert isinstance(reading, CompassReading)
     _check_now(reading.t_s)
@@ -151,6 +156,43 @@ COMPASS = Target(
         _read_compass,
     ),
 )  # fmt: skip
+
+
+# Registers 00 to 42 of a BNO055 whose fusion runs: a quarter turn clockwise, the right side 10 degrees down.
+FUSED = bytes.fromhex(
+    "A0 FB 32 0F" + "00" * 22 + "A0 05 00 00 00 00 41 2D 00 00 00 00 BF D2 00 00 00 00 00 00 56 FF 00 00 C6 03"
+    "15 FF 0F 00 00 05 00 00 00 0C 00 00 01 24 00"
+)
+
+
+class LivelyBNO055:
+    """What it answers; its raw axes change with each read."""
+
+    def __init__(self) -> None:
+        self._reads = 0
+
+    def on_i2c(self, data: bytes, count: int) -> bytes:
+        self._reads += 1
+        return (FUSED[:8] + bytes((self._reads % 256,)) + FUSED[9:])[data[0] :][:count]
+
+    def on_uart(self, data: bytes, count: int) -> bytes:
+        return b"\xee\x01" if data[1] == 0 else bytes((0xBB, count)) + self.on_i2c(data[2:], count)
+
+
+BNO055_ON_I2C, BNO055_ON_UART = (
+    Target(
+        f"bno055 {port}",
+        cases,
+        lambda port=port, line=line: _driven(  # type: ignore[misc]
+            lambda faults: BNO055(
+                BNO055Settings(port=port, heading_offset_deg=-180.0, swap_pitch_roll=bool(len(faults) % 2)),
+                Wire(getattr(LivelyBNO055(), line), faults),  # type: ignore[arg-type]
+            ),
+            _read_compass,
+        ),
+    )
+    for port, line, cases in (("", "on_i2c", FAULTS), ("/dev/serial0", "on_uart", FAULTS_AT_ONCE))
+)
 
 
 # -- optical flow ----------------------------------------------------------------------------------------------------

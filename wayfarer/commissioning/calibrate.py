@@ -36,6 +36,7 @@ from wayfarer.config.calibration_file import (
 )
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.rate import Rate
+from wayfarer.drivers.bno055 import BNO055
 from wayfarer.drivers.camera_motion import CameraMotion
 from wayfarer.drivers.cmps14 import CMPS14, LEARN, OFF
 from wayfarer.errors import BadInput, BadReading, WayfarerError
@@ -57,6 +58,7 @@ FULL = 3
 LOOK_S = 0.5
 PATIENCE_S = 300.0
 STEADY_S = 1.0
+AGREES_WITHIN_DEG = 20.0  # two compasses held by hand; a wrong axis is 90 degrees off
 # Quarter turns by hand against an edge are right within a few degrees; this far off, something else went wrong.
 FOLLOWS_WITHIN_DEG = 45.0
 
@@ -87,6 +89,8 @@ async def calibrate_compass(inspection: Inspection, operator: Operator) -> Compa
     await operator.wait(PREPARE)
     if isinstance(compass, CMPS14):
         await _teach(compass, operator)
+    elif isinstance(compass, BNO055):
+        await _watch_it_learn(compass, operator)
     else:
         await operator.say(f"{compass.name} accepts no calibration: only its error is measured.")
     error_deg = residual_deg([await _heading(compass, operator, text) for text in QUARTERS])
@@ -95,6 +99,8 @@ async def calibrate_compass(inspection: Inspection, operator: Operator) -> Compa
             f"{compass.name}: the heading was {error_deg:.0f}° off after quarter turns; it was turned to the left, or "
             "there is a magnet or iron beside the compass: move it onto a mast and calibrate again"
         )
+    if isinstance(compass, BNO055):
+        await _find_its_north(compass, inspection.config.parts["compass"], operator)
     level = (await compass.read()).calibration
     await operator.say(f"Quarter turns were off by {error_deg:.1f}° on average.")
     return CompassEntry(**stamp(compass.name, inspection.host.t_wall), level=level or 0, residual_deg=error_deg)
@@ -106,23 +112,37 @@ async def _teach(compass: CMPS14, operator: Operator) -> None:
         await compass.erase_profile()
     try:
         await compass.configure(LEARN)
-        await operator.say(TURN_ABOUT)
-        async with asyncio.timeout(PATIENCE_S):
-            await _until_full(compass, operator)
+        await _until_full(compass, operator)
         await compass.store_profile()
-    except TimeoutError:
-        raise WayfarerError(
-            f"{compass.name}: not calibrated within {PATIENCE_S:.0f} s of turning; there may be iron or current near "
-            "it: go elsewhere, switch the motors' power off, and calibrate again"
-        ) from None
     finally:
         await compass.configure(OFF)
 
 
-async def _until_full(compass: CMPS14, operator: Operator) -> None:
-    """Show the levels as they change until both are full."""
-    shown = ""
-    while True:
+async def _watch_it_learn(compass: BNO055, operator: Operator) -> None:
+    """Ask for turns until the levels are full, and say what the part forgets without power."""
+    await _until_full(compass, operator)
+    await operator.say(f'Write under [parts.compass]: offsets = "{await compass.offsets()}"')
+
+
+async def _find_its_north(compass: BNO055, table: Mapping[str, Any], operator: Operator) -> None:
+    """Say which ``heading_offset_deg`` agrees with another compass: no source tells which of its axes is heading 0."""
+    heading_deg = await _heading(compass, operator, "Leave the rover where it is, and step back.")
+    question = "Which way does its nose point, by another compass held well above it, in degrees from magnetic north?"
+    off_deg = wrap180(await operator.number(question, round(heading_deg)) - heading_deg)
+    if abs(off_deg) > AGREES_WITHIN_DEG:
+        offset_deg = wrap180(table.get("heading_offset_deg", 0.0) + off_deg)
+        await operator.say(f"Write under [parts.compass]: heading_offset_deg = {round(offset_deg)}")
+
+
+async def _until_full(compass: CMPS14 | BNO055, operator: Operator) -> None:
+    """Ask for turns, and show the levels as they change, until both are full.
+
+    Raises:
+        WayfarerError: they are not within five minutes.
+    """
+    await operator.say(TURN_ABOUT)
+    shown, ends_s = "", asyncio.get_running_loop().time() + PATIENCE_S
+    while asyncio.get_running_loop().time() < ends_s:
         with suppress(BadReading):  # a cable that is moved about
             levels = await compass.calibration()
             text = f"field {levels.mag} of {FULL}, tilt {levels.accel} of {FULL}"
@@ -132,6 +152,10 @@ async def _until_full(compass: CMPS14, operator: Operator) -> None:
             if levels.mag == levels.accel == FULL:
                 return
         await asyncio.sleep(LOOK_S)
+    raise WayfarerError(
+        f"{compass.name}: not calibrated within {PATIENCE_S:.0f} s of turning; there may be iron or current near "
+        "it: go elsewhere, switch the motors' power off, and calibrate again"
+    )
 
 
 async def _heading(compass: Compass, operator: Operator, text: str) -> float:

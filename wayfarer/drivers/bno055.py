@@ -21,6 +21,7 @@ from annotated_types import Interval
 
 from wayfarer.angles import wrap360
 from wayfarer.drivers.buses import Buses, I2CBus, SerialPort
+from wayfarer.drivers.cmps14_registers import CalibrationLevels
 from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
 from wayfarer.hal import CompassReading
 
@@ -28,7 +29,9 @@ from wayfarer.hal import CompassReading
 
 _IDS, _IDENTITY = 0x00, bytes((0xA0, 0xFB, 0x32, 0x0F))  # the part, its accelerometer, magnetometer and gyro
 _RAW, _RAW_BYTES = 0x08, 18  # accelerometer, magnetometer, gyro as they measure
-_UNITS, _MODE, _POWER, _AXES, _OFFSETS = 0x3B, 0x3D, 0x3E, 0x41, 0x55
+_UNITS, _MODE, _POWER, _AXES = 0x3B, 0x3D, 0x3E, 0x41
+# Offsets of accelerometer, magnetometer and gyro, radius of the first two; 0 for the magnetometer's stops the fusion.
+_OFFSETS, _OFFSETS_BYTES, _MAG_RADIUS = 0x55, 22, slice(20, 22)
 _CONFIG = 0x00  # the mode in which settings can be written; elsewhere they are ignored
 _MODES = {"ndof": 0x0C, "ndof_fmc_off": 0x0B}
 _PLACEMENTS = {  # data sheet page 25: register 41, then 42
@@ -90,6 +93,17 @@ class BNO055Settings:
     """The part reads negative with the nose up; in P1 its y axis points ahead, ``check`` shows which way is up."""
     reverse_roll: bool = False
     """The part reads negative with the right side down; in P1 its x axis points to the right."""
+    offsets: str = ""
+    """What ``wayfarer calibrate`` found, 44 hexadecimal digits: the part forgets it without power. It begins with them,
+    and still needs to be turned about until its level is 3."""
+
+    def __post_init__(self) -> None:
+        try:
+            offsets = bytes.fromhex(self.offsets)
+        except ValueError:
+            raise ValueError(f"offsets '{self.offsets}': not hexadecimal digits") from None
+        if offsets and (len(offsets) != _OFFSETS_BYTES or not any(offsets[_MAG_RADIUS])):
+            raise ValueError(f"offsets '{self.offsets}': need {2 * _OFFSETS_BYTES} digits, the last four not all 0")
 
 
 class Block(NamedTuple):
@@ -98,7 +112,7 @@ class Block(NamedTuple):
     heading: int
     quaternion: tuple[int, int, int, int]
     gravity: tuple[int, int, int]
-    calibration: int
+    levels: CalibrationLevels
     status: int
     error: int
     settings: tuple[int, int, int, int, int]  # units, mode, power, axis map, axis signs
@@ -113,7 +127,8 @@ class Block(NamedTuple):
 def decode(data: bytes) -> Block:
     """Decode the bytes from register 1A on, plausible or not."""
     said = _MAP.unpack(data)
-    return Block(said[0], said[1:5], said[5:8], said[8], said[9], said[10], said[11:])
+    levels = CalibrationLevels(*(said[8] >> shift & 3 for shift in (6, 4, 2, 0)))
+    return Block(said[0], said[1:5], said[5:8], levels, said[9], said[10], said[11:])
 
 
 def flaw(block: Block) -> str | None:
@@ -250,6 +265,8 @@ class BNO055:
         await self._wire.write(_UNITS, bytes((units,)))
         await self._wire.write(_POWER, bytes((power,)))
         await self._wire.write(_AXES, bytes(axes))
+        if self._settings.offsets:
+            await self._wire.write(_OFFSETS, bytes.fromhex(self._settings.offsets))
         await self._wire.write(_MODE, bytes((mode,)))
         await asyncio.sleep(_FROM_CONFIG_S)
         await self._measures()
@@ -290,15 +307,7 @@ class BNO055:
             BadReading: an implausible block, twice.
             PowerLost: the part has forgotten its settings.
         """
-        block = decode(await self._wire.read(_BLOCK, _MAP.size))
-        if self._flaw(block) is not None:
-            self.error_counts["reads retried"] += 1
-            await self.identify()
-            block = decode(await self._wire.read(_BLOCK, _MAP.size))
-            if block.settings[1:] == _AFTER_RESET:
-                raise PowerLost(self.name)
-            if (failed := self._flaw(block)) is not None:
-                raise failed
+        block = await self._valid_block()
         t_s = asyncio.get_running_loop().time()
         settings, (pitch_deg, roll_deg) = self._settings, block.tilt_deg
         if settings.swap_pitch_roll:
@@ -308,8 +317,33 @@ class BNO055:
             wrap360(block.heading / _PER_DEGREE + settings.heading_offset_deg),
             -pitch_deg if settings.reverse_pitch else pitch_deg,
             -roll_deg if settings.reverse_roll else roll_deg,
-            block.calibration & 3,  # the magnetometer's; that of the system goes up and down
+            block.levels.mag,  # that of the system goes up and down
         )
+
+    async def calibration(self) -> CalibrationLevels:
+        """Return all levels of calibration; raises as ``read`` does."""
+        return (await self._valid_block()).levels
+
+    async def offsets(self) -> str:
+        """Return what it has learnt, as the setting ``offsets``; there is no heading for 30 ms. Raises as ``read``."""
+        await self._wire.write(_MODE, bytes((_CONFIG,)))
+        await asyncio.sleep(_TO_CONFIG_S)
+        offsets = await self._wire.read(_OFFSETS, _OFFSETS_BYTES)
+        await self._wire.write(_MODE, bytes((_MODES[self._settings.mode],)))
+        await asyncio.sleep(_FROM_CONFIG_S)
+        return offsets.hex()
+
+    async def _valid_block(self) -> Block:
+        block = decode(await self._wire.read(_BLOCK, _MAP.size))
+        if self._flaw(block) is not None:
+            self.error_counts["reads retried"] += 1
+            await self.identify()
+            block = decode(await self._wire.read(_BLOCK, _MAP.size))
+            if block.settings[1:] == _AFTER_RESET:
+                raise PowerLost(self.name)
+            if (failed := self._flaw(block)) is not None:
+                raise failed
+        return block
 
     def _flaw(self, block: Block) -> BadReading | None:
         """Return why a block cannot be true, or is not of what was set; None if it can."""
