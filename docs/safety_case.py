@@ -229,7 +229,7 @@ BEYOND: tuple[Beyond, ...] = (
             "_and_the_death_of_the_daemon",
             "system/test_stop_owners.py::test_board_stops_the_wheels_of_a_daemon_that_is_gone",
         ),
-        "An H-bridge on GPIO pins has none: arming asks for allow_no_deadman",
+        "An H-bridge on GPIO pins has none without a monostable: arming asks for allow_no_deadman",
     ),
     Beyond(
         UNSTOPPABLE,

@@ -167,6 +167,12 @@ def test_name_of_the_rover_and_its_mode_are_two_words(rover: str) -> None:
     assert "driven by hand, by page" in status_text({**STATUS, **by_hand}).splitlines()[0]
 
 
+@pytest.mark.parametrize(("deadman_s", "told"), [(None, True), (0.3, False)])
+def test_status_says_plainly_if_nothing_stops_the_wheels(deadman_s: float | None, told: bool) -> None:
+    said = "nothing stops these wheels if the computer fails"
+    assert (said in status_text({**STATUS, "board_deadman_s": deadman_s})) is told
+
+
 def test_status_of_a_disarmed_rover_says_why() -> None:
     disarmed = {"mode": "disarmed", "why_disarmed": "fault: compass_lost", "conditions": ["compass_lost"]}
     lines = status_text({**STATUS, **disarmed, "motor_faults": ["motor A: drive fault"]}).splitlines()

@@ -97,4 +97,5 @@ def test_no_device_no_lock(device: str) -> None:
     assert motors_device(rover({"driver": "thunderborg", "bus": device}, buses="some:buses")) is None
     assert device_of("linux", ThunderBorgSettings(bus="/dev/no-such-bus")) is None
     assert device_of("linux", ThunderBorgSettings(bus="/proc/version")) is None
-    assert device_of("linux", GpioMotorsSettings(17, 18, 22, 23)) is None
+    pins = GpioMotorsSettings(left_pwm=17, left_direction=18, right_pwm=22, right_direction=23)
+    assert device_of("linux", pins) is None

@@ -37,7 +37,8 @@ def light(blue: int = 27) -> GpioLight:
 
 
 def motors(right_backward: int = 27) -> GpioMotors:
-    return GpioMotors(GpioMotorsSettings(17, 18, 22, right_backward), LinuxBuses())
+    settings = GpioMotorsSettings(left_forward=17, left_backward=18, right_forward=22, right_backward=right_backward)
+    return GpioMotors(settings, LinuxBuses())
 
 
 def encoders(right_b: int = 27) -> Encoders:
@@ -51,7 +52,6 @@ each_use = pytest.mark.parametrize(
         (bumper, Bumper.read),
         (light, lambda part: part.show(Colour(1.0, 0.0, 0.0))),
         (motors, lambda part: part.drive(STOP)),
-        (motors, GpioMotors.read_back),
         (encoders, Encoders.read),
     ],
 )

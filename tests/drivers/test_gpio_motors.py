@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import threading
+from collections.abc import Callable
 from importlib import import_module
+from itertools import pairwise
 from math import inf, nan
 from typing import Any
 
@@ -12,11 +15,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.simhal.clearing import steady_world
 from tests.virtual import virtual
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, WheelCommand
+from wayfarer.simhal.built_in_chips import GPIO_MOTORS
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chip_wiring import ChipWiring
+from wayfarer.simhal.chips.h_bridges import HBridgesChip
+from wayfarer.simhal.random_streams import RandomStreams
 
 pytestmark = pytest.mark.usefixtures("board")
 PIN_CLASS = "MockPWMPin"
@@ -25,14 +34,23 @@ PINS = (17, 18, 22, 23)
 duties = st.floats(-1, 1)
 
 
+NAMES = ("left_forward", "left_backward", "right_forward", "right_backward")
+TWO_PWM: dict[str, Any] = dict(zip(NAMES, PINS, strict=True))
+DIRECTION = {"left_pwm": 17, "left_direction": 18, "right_pwm": 22, "right_direction": 23}
+THREE = {**TWO_PWM, "left_pwm": 24, "right_pwm": 25}
+SCHEMES = {"two PWM": TWO_PWM, "direction": DIRECTION, "three pins": THREE}
+DEADMEN: dict[str, dict[str, Any]] = {"none": {}, "monostable": {"pulse": 5, "deadman_s": 0.3}}
+each_scheme = pytest.mark.parametrize("pins", SCHEMES.values(), ids=SCHEMES)
+
+
 async def opened(**settings: Any) -> GpioMotors:
-    motors = GpioMotors(GpioMotorsSettings(*PINS, **settings), LinuxBuses())
+    motors = GpioMotors(GpioMotorsSettings(**({} if "left_pwm" in settings else TWO_PWM) | settings), LinuxBuses())
     await motors.open()
     return motors
 
 
 def states(board: Any, *pins: int) -> list[float]:
-    return [round(board.pin(pin).state, 9) for pin in pins or PINS]
+    return [round(board.pin(pin).state, 3) for pin in pins or PINS]
 
 
 def test_devices_that_nobody_closed_are_no_deadlock_for_the_next_ones(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,7 +65,9 @@ def test_devices_that_nobody_closed_are_no_deadlock_for_the_next_ones(monkeypatc
 
     @virtual
     async def claim() -> None:
-        motors = GpioMotors(GpioMotorsSettings(5, 6, 12, 13), LinuxBuses())
+        motors = GpioMotors(
+            GpioMotorsSettings(left_pwm=5, left_direction=6, right_pwm=12, right_direction=13), LinuxBuses()
+        )
         await motors.open()
         motors.itself = motors  # type: ignore[attr-defined]  # a cycle: left to the garbage collector
         del motors
@@ -79,19 +99,110 @@ async def test_enable_pins_are_high_while_the_motors_are_open(board: Any) -> Non
     assert [board.pin(pin).function for pin in (24, 25)] == ["input", "input"]
 
 
-@given(command=st.builds(WheelCommand, duties, duties), duty_limit=st.floats(0.01, 1))
+@each_scheme
+@given(command=st.builds(WheelCommand, duties, duties), duty_limit=st.floats(0.01, 1), flags=st.booleans())
 @virtual
-async def test_what_was_applied_is_what_is_read_back_and_within_the_limit(
-    command: WheelCommand, duty_limit: float
+async def test_what_was_applied_is_the_whole_percent_that_the_board_gives_its_motors(
+    pins: dict[str, Any], command: WheelCommand, duty_limit: float, flags: bool
 ) -> None:
-    motors = await opened(duty_limit=duty_limit)
+    """The real driver over simulated pins, and a board that was written from the data sheets."""
+    buses, world = FakeBuses(), steady_world()
+    settings = GpioMotorsSettings(**pins, duty_limit=duty_limit, reverse_left=flags)
+    motors = GpioMotors(settings, buses)
+    board = on_a_board(settings, buses, world, lambda: 0.0)
+    await motors.open()
     applied = await motors.drive(command)
-    assert await motors.read_back() == pytest.approx(applied)
-    assert max(map(abs, applied)) <= duty_limit * (1 + 1e-12)
-    assert applied.left * command.right == pytest.approx(applied.right * command.left)  # the same curve
-    if max(map(abs, command)) <= duty_limit:
-        assert applied == command
-    await motors.close()
+    assert world.commanded == pytest.approx(applied)
+    percent = (applied.left * duty_limit * 100, applied.right * duty_limit * 100)
+    assert percent == pytest.approx([round(each) for each in percent], abs=1e-6)
+    assert (-board.levels[0] if flags else board.levels[0], board.levels[1]) == pytest.approx(percent)
+    for duty, wanted in zip(applied, command, strict=True):
+        assert abs(duty) <= abs(wanted) < abs(duty) + 0.01 / duty_limit + 1e-9
+        assert duty * wanted >= 0.0
+    await motors.stop()
+    assert world.commanded == STOP
+
+
+def on_a_board(settings: GpioMotorsSettings, buses: FakeBuses, world: Any, clock: Callable[[], float]) -> HBridgesChip:
+    wiring = ChipWiring(world, RandomStreams(0), clock, buses)
+    GPIO_MOTORS.attach(settings, wiring)
+    (board,) = wiring.boards
+    assert isinstance(board, HBridgesChip)
+    return board
+
+
+@given(before=duties, after=duties)
+@each_scheme
+@virtual
+async def test_change_of_direction_passes_through_zero(pins: dict[str, Any], before: float, after: float) -> None:
+    buses, settings = FakeBuses(), GpioMotorsSettings(**pins)
+    motors, board = GpioMotors(settings, buses), on_a_board(settings, buses, steady_world(), lambda: 0.0)
+    await motors.open()
+    await motors.drive(WheelCommand(before, 0.0))
+    levels = [board.levels[0]]
+    for pin in settings.pins("left").values():
+        buses.pins().wire(pin).listeners.append(lambda: levels.append(board.levels[0]))
+    await motors.drive(WheelCommand(after, 0.0))
+    assert all(one * other >= 0 for one, other in pairwise(levels)), levels
+    assert levels[-1] == int(after * 100)
+
+
+@each_scheme
+@virtual
+async def test_wheels_that_nobody_commands_turn_on_unless_a_monostable_is_there(pins: dict[str, Any]) -> None:
+    """The process has died or hangs, and the kernel keeps the level of its pins."""
+    time, turned = asyncio.get_running_loop().time, {}
+    for name, deadman in DEADMEN.items():
+        buses, world = FakeBuses(), steady_world()
+        settings = GpioMotorsSettings(**pins, **deadman)
+        motors, board = GpioMotors(settings, buses), on_a_board(settings, buses, world, time)
+        await motors.open()
+        assert motors.deadman_s == settings.deadman_s
+        for _ in range(40):
+            await motors.drive(WheelCommand(0.5, 0.5))
+            board.tick()
+            await asyncio.sleep(0.05)
+        assert world.commanded == (0.5, 0.5), "pulses in time"
+        silent_s = time() - 0.05
+        while world.commanded != STOP and time() < silent_s + 3.0:
+            await asyncio.sleep(0.01)
+            board.tick()
+        turned[name] = time() - silent_s
+        await motors.drive(WheelCommand(0.0, 0.0))
+        await motors.drive(WheelCommand(0.2, 0.2))
+        assert world.commanded == (0.2, 0.2), "commands make it drive again"
+        await motors.close()
+        assert world.commanded == STOP, "pulled down"
+    assert turned["none"] >= 3.0
+    assert 0.2 < turned["monostable"] <= 0.3
+
+
+@virtual
+async def test_nothing_but_drive_gives_pulses(board: Any) -> None:
+    motors = await opened(pulse=5, deadman_s=0.3)
+    edges: list[float] = []
+    board.pin(5)._set_state = edges.append
+    for idle in (motors.open, motors.stop, motors.health, motors.read_back):
+        await idle()
+    motors.halt()
+    assert edges == []
+    await motors.drive(STOP)
+    assert edges == [1]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"left_forward": 17, "left_backward": 18}, "the right one none"),
+        (TWO_PWM | {"left_pwm": 24}, "forward and backward and pwm, the right one forward and backward"),
+        ({"left_pwm": 17, "right_pwm": 18}, "each side needs the same pins"),
+        (TWO_PWM | {"pulse": 5}, "pulse and deadman_s go together"),
+        (TWO_PWM | {"deadman_s": 0.3}, "pulse and deadman_s go together"),
+    ],
+)
+def test_pins_that_are_no_board_are_refused(settings: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        GpioMotorsSettings(**settings)
 
 
 @pytest.mark.parametrize("is_open", [False, True])
@@ -104,7 +215,6 @@ async def test_stop_holds_every_pin_low_also_before_open(board: Any, is_open: bo
     await motors.stop()
     assert states(board) == [0, 0, 0, 0]
     assert {board.pin(pin).function for pin in PINS} == {"output"}
-    assert await motors.read_back() == STOP
 
 
 @virtual
@@ -158,8 +268,8 @@ async def test_a_pin_that_fails_stops_both_sides(board: Any, monkeypatch: pytest
 @virtual
 async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_pin(board: Any) -> None:
     motors = await opened(duty_limit=0.5)
-    assert await motors.drive(WheelCommand(inf, 0.1)) == (0.5, 0.05)
-    assert await motors.drive(WheelCommand(-7.0, 1.5)) == (-0.5, 0.5)
+    assert await motors.drive(WheelCommand(inf, 0.1)) == (1.0, 0.1)
+    assert await motors.drive(WheelCommand(-7.0, 1.5)) == (-1.0, 1.0)
     assert states(board) == [0, 0.5, 0.5, 0]
     for broken in (WheelCommand(0.1, nan), WheelCommand(nan, 0.1)):
         with pytest.raises(ValueError, match="NaN"):
@@ -172,3 +282,4 @@ async def test_there_is_no_deadman_and_nothing_is_known_of_the_battery() -> None
     motors = await opened()
     assert motors.deadman_s is None
     assert await motors.health() == (None, ())
+    await motors.read_back()

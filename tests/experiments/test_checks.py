@@ -20,15 +20,12 @@ max_speed_m_s = 1.0
 """
 COMPASS = '[parts.compass]\ndriver = "cmps14"\n'
 THUNDERBORG = '[parts.motors]\ndriver = "thunderborg"\n'
-PINS = "left_forward = 17\nleft_backward = 18\nright_forward = 22\nright_backward = 23\n"
+CHIPLESS = '[parts.compass]\ndriver = "tests.fake_plugins:Chipless"\n'
 UNBUILDABLE = {
     "no motors": (COMPASS, "rover 'test' has no [parts.motors]"),
     "no compass": (THUNDERBORG, "rover 'test' has no [parts.compass]"),
     "no parts": ("", "rover 'test' has no [parts.compass]"),
-    "no such chip": (
-        COMPASS + '[parts.motors]\ndriver = "gpio_motors"\n' + PINS,
-        "no simulated chip for",
-    ),
+    "no such chip": (THUNDERBORG + CHIPLESS, "no simulated chip for"),
     "two chips at one address": (COMPASS + THUNDERBORG + "address = 0x60\n", "parts.compass has this address"),
 }
 

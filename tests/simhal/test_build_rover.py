@@ -14,6 +14,7 @@ import pytest
 from tests.virtual import virtual
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.drivers.cmps14 import CMPS14
+from wayfarer.drivers.gpio_light import GpioLight
 from wayfarer.drivers.pmw3901 import PMW3901
 from wayfarer.drivers.sabertooth import Sabertooth
 from wayfarer.drivers.thunderborg import ThunderBorg
@@ -43,11 +44,13 @@ def rover_in(forest: Forest, config: RoverConfig, depth: Depth, seed: int = 3) -
 
 
 # The algorithm does not know the depth: two of them share the layouts, noises and seeds.
+ON_H_BRIDGES = "sim, with its motors on H-bridges"
 DRAWN = [
     ("sim", "forest-pledge", 1, 0, 0),
     ("sim", "cv-pledge", 7, 1, 3),
     ("sim", "forest-pledge", 12, 0, 9),
     ("sim", "cv-pledge", 20, 1, 4),
+    (ON_H_BRIDGES, "forest-pledge", 12, 0, 9),
     ("forestrover", "forest-pledge", 7, 1, 3),  # another height of the sensor, other speeds, a start delay
 ]
 BUDGET_M = 40.0
@@ -55,7 +58,13 @@ BUDGET_M = 40.0
 
 def spec_of(rover: str, algorithm: str, layout: int, noise: int, seed: int) -> TrialSpec:
     forest = generate_forest(layout, noise, seed)
-    return TrialSpec(0, algorithm, forest, seed, load_rover(rover), budget_m=BUDGET_M)
+    config = on_h_bridges(pulse=5, deadman_s=0.3) if rover == ON_H_BRIDGES else load_rover(rover)
+    return TrialSpec(0, algorithm, forest, seed, config, budget_m=BUDGET_M)
+
+
+def on_h_bridges(**settings: Any) -> RoverConfig:
+    pins = {"driver": "gpio_motors", "left_pwm": 12, "left_direction": 6, "right_pwm": 13, "right_direction": 19}
+    return RoverConfig.model_validate(with_part(load_rover("sim"), motors=pins | settings).model_dump())
 
 
 @pytest.mark.parametrize("drawn", DRAWN, ids=lambda drawn: "-".join(map(str, drawn)))
@@ -176,10 +185,10 @@ def with_part(config: RoverConfig, **tables: dict[str, Any]) -> RoverConfig:
 
 
 @virtual
-async def test_light_at_a_pin_is_left_out_and_the_light_of_the_board_and_a_receiver_are_there() -> None:
+async def test_lights_at_a_pin_and_on_the_board_and_a_receiver_are_there() -> None:
     equipped = with_part(load_rover("sim"), position={"driver": "gpsd"}, light={"driver": "gpio_light", "red": 17})
     _, rover = rover_in(CLEARING, equipped, Depth.BUS)
-    assert rover.light is None
+    assert isinstance(rover.light, GpioLight)
     assert isinstance(rover.position, PositionReceiver)
     _, mini = rover_in(CLEARING, load_rover("minirover"), Depth.BUS)
     assert mini.light is not None
@@ -189,11 +198,10 @@ async def test_light_at_a_pin_is_left_out_and_the_light_of_the_board_and_a_recei
 
 
 async def test_part_without_a_simulated_chip_is_refused_at_bus_depth_only() -> None:
-    pins = {"driver": "gpio_motors", "left_forward": 5, "left_backward": 6, "right_forward": 13, "right_backward": 19}
-    bridged = RoverConfig.model_validate(with_part(load_rover("sim"), motors=pins).model_dump())
-    with pytest.raises(BadConfig, match="rover 'sim': no simulated chip for 'gpio_motors'; use --depth device"):
-        rover_in(CLEARING, bridged, Depth.BUS)
-    rover_in(CLEARING, bridged, Depth.DEVICE)
+    chipless = with_part(load_rover("sim"), compass={"driver": "tests.fake_plugins:Chipless"})
+    with pytest.raises(BadConfig, match=r"rover 'sim': no simulated chip for '.*Chipless'; use --depth device"):
+        rover_in(CLEARING, chipless, Depth.BUS)
+    rover_in(CLEARING, chipless, Depth.DEVICE)
 
 
 @virtual

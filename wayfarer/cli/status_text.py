@@ -11,6 +11,7 @@ from wayfarer.logview.terminal import painted
 from wayfarer.vocabulary import disarmed_text, in_words, level_text, whole_deg
 
 WELL = level_text("well", None)
+NO_DEADMAN = "none: nothing stops these wheels if the computer fails"
 
 
 def status_text(status: Mapping[str, Any]) -> str:
@@ -29,6 +30,7 @@ def _lines(status: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("heading", "" if heading is None else _heading(status, heading)),
         ("mission", _mission(status)),
         ("before", _last_mission(status)),
+        ("deadman", painted(NO_DEADMAN, "warning") if status.get("board_deadman_s", 0) is None else ""),
         ("battery", _battery(status)),
         ("log", _log(status)),
         ("card", _storage(status)),

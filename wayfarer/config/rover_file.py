@@ -149,7 +149,8 @@ class RoverConfig(BaseModel):
         settings = part_settings("motors", self.parts["motors"])[1] if "motors" in self.parts else None
         least_hz = {"the stall guard stops the wheels": _STALL_MARGIN / STALL_LIMIT_S}
         if deadman_s := getattr(settings, "deadman_s", None):
-            least_hz[f"the board's own deadman of {deadman_s:g} s stops the wheels"] = _COMMANDS_PER_DEADMAN / deadman_s
+            commands = getattr(settings, "commands_per_deadman", _COMMANDS_PER_DEADMAN)
+            least_hz[f"the board's own deadman of {deadman_s:g} s stops the wheels"] = commands / deadman_s
         for what, rate_hz in least_hz.items():
             if self.control_hz < rate_hz:
                 raise ValueError(f"key 'control_hz' = {self.control_hz:g}: too slow, {what} below {rate_hz:.3g}")

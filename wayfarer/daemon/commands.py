@@ -129,7 +129,7 @@ class RoverCommands:
     async def status(self) -> Details:
         """Return the state of the rover."""
         state = rover_status(self._controller, _now_s(), being_checked=self.being_checked)
-        return {**self._about, **self._storage(), **state}
+        return {**self._about, "board_deadman_s": self._motors.deadman_s, **self._storage(), **state}
 
     @property
     def being_checked(self) -> bool:

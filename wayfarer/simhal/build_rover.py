@@ -73,7 +73,7 @@ def bus_depth(
     """Return the rover of the file with its real drivers, each over a simulated chip.
 
     A bumper is a switch, not a chip, and a receiver speaks through a socket: both are simulated as at device depth, and
-    the bumper also feels the obstacle's bearing. A light without a chip is left out, as that at a GPIO pin.
+    the bumper also feels the obstacle's bearing. A light without a chip is left out.
     """
     wiring = ChipWiring(world, streams, clock, buses)
     world.tick_chips = wiring.tick

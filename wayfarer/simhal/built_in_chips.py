@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from wayfarer.drivers import bno055, cmps14, pmw3901, roboclaw_board, sabertooth, thunderborg
+from wayfarer.drivers import bno055, cmps14, gpio_motors, pmw3901, roboclaw_board, sabertooth, thunderborg
 from wayfarer.drivers.bno055 import BNO055Settings
 from wayfarer.drivers.camera_motion import CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14Settings
 from wayfarer.drivers.encoders import EncodersSettings
+from wayfarer.drivers.gpio_motors import GpioMotorsSettings
 from wayfarer.drivers.pmw3901 import PMW3901Settings
 from wayfarer.drivers.roboclaw import RoboClawSettings
 from wayfarer.drivers.roboclaw_wheels import RoboClawWheelsSettings
@@ -22,6 +23,7 @@ from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
 from wayfarer.simhal.chips.bno055 import BNO055Chip
 from wayfarer.simhal.chips.cmps14 import CMPS14Chip
 from wayfarer.simhal.chips.encoders import QuadratureEncoders
+from wayfarer.simhal.chips.h_bridges import HBridgesChip
 from wayfarer.simhal.chips.motor_boards import SabertoothChip, ThunderBorgChip
 from wayfarer.simhal.chips.pmw3901 import PMW3901Chip
 from wayfarer.simhal.chips.roboclaw import Encoders, RoboClawChip
@@ -134,7 +136,23 @@ def _signs(settings: EncodersSettings | RoboClawWheelsSettings) -> tuple[int, in
     return (-1 if settings.reverse_left else 1), (-1 if settings.reverse_right else 1)
 
 
-def _motors(settings: ThunderBorgSettings | SabertoothSettings | RoboClawSettings, full_level: int) -> dict[str, Any]:
+def _attach_h_bridges(settings: GpioMotorsSettings, wiring: ChipWiring) -> None:
+    wire = wiring.buses.pins().wire
+    left, right = ({name: wire(pin) for name, pin in settings.pins(side).items()} for side in ("left", "right"))
+    left_enable, right_enable, trigger = (
+        None if pin is None else wire(pin) for pin in (settings.left_enable, settings.right_enable, settings.pulse)
+    )
+    chip = HBridgesChip(
+        wiring.world, wiring.clock, left, right,
+        left_enable=left_enable, right_enable=right_enable, trigger=trigger, holds_s=settings.deadman_s or 0.0,
+        **_motors(settings, gpio_motors.FULL_PERCENT),
+    )  # fmt: skip
+    wiring.boards.append(chip)
+
+
+def _motors(
+    settings: ThunderBorgSettings | SabertoothSettings | RoboClawSettings | GpioMotorsSettings, full_level: int
+) -> dict[str, Any]:
     """Return what all motor boards take; the steps of duty reach up to the highest that the driver allows."""
     return {
         "full_level": full_level * settings.duty_limit,
@@ -165,4 +183,7 @@ SABERTOOTH = SimulatedChip(_attach_sabertooth, lambda settings: {"steps": sabert
 THUNDERBORG = SimulatedChip(
     _attach_thunderborg, lambda settings: {"steps": thunderborg.FULL_LEVEL * settings.duty_limit}
 )
-ON_THE_MOTOR_BOARD = SimulatedChip(lambda _settings, _wiring: None)
+GPIO_MOTORS = SimulatedChip(
+    _attach_h_bridges, lambda settings: {"steps": gpio_motors.FULL_PERCENT * settings.duty_limit}
+)
+NO_CHIP = SimulatedChip(lambda _settings, _wiring: None)  # lights at a pin, or on the motor board

@@ -29,12 +29,14 @@ BUILT_IN_CHIPS: Final[Mapping[str, str]] = {
     "camera_motion": "wayfarer.simhal.built_in_chips:CAMERA",
     "cmps14": "wayfarer.simhal.built_in_chips:CMPS14",
     "encoders": "wayfarer.simhal.built_in_chips:ENCODERS",
+    "gpio_light": "wayfarer.simhal.built_in_chips:NO_CHIP",
+    "gpio_motors": "wayfarer.simhal.built_in_chips:GPIO_MOTORS",
     "pmw3901": "wayfarer.simhal.built_in_chips:PMW3901",
     "roboclaw": "wayfarer.simhal.built_in_chips:ROBOCLAW",
     "roboclaw_wheels": "wayfarer.simhal.built_in_chips:ROBOCLAW_WHEELS",
     "sabertooth": "wayfarer.simhal.built_in_chips:SABERTOOTH",
     "thunderborg": "wayfarer.simhal.built_in_chips:THUNDERBORG",
-    "thunderborg_light": "wayfarer.simhal.built_in_chips:ON_THE_MOTOR_BOARD",
+    "thunderborg_light": "wayfarer.simhal.built_in_chips:NO_CHIP",
 }
 _NAMES: Final = {path: name for name, path in BUILT_IN_DRIVERS.items()}
 

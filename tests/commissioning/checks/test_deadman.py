@@ -50,7 +50,7 @@ def watched(tmp_path: Path) -> Watched:
 def test_of_a_board_that_cannot_be_asked_nothing_is_claimed(watched: Watched) -> None:
     found = watched.look(parts.motor_board)
     assert found.verdict is CheckVerdict.OK
-    assert found.text == "its port opens; it cannot answer, and its deadman of 0.3 s is not tested by this"
+    assert found.text == "it opens; it cannot answer, and its deadman of 0.3 s is not tested by this"
     assert watched.look(parts.motor_faults).verdict is CheckVerdict.SKIPPED
 
 

@@ -146,7 +146,7 @@ async def _only_seen(motors: DriveMotors) -> bool:
 
 
 def _unproved(inspection: Inspection, text: str) -> Finding:
-    text += "; this board cannot report its deadman, which is off until that setting has reached it"
+    text += "; this board cannot report its deadman, which may not work"
     if reason := inspection.config.safety.deadman_unproved_because:
         return warn(NAME, f"{text}; the rover file allows it: {reason}", "stay within reach of its power switch")
     return fail(NAME, text, f"{PROVE}; or give a reason in [safety] deadman_unproved_because")

@@ -183,14 +183,14 @@ async def motor_board(inspection: Inspection) -> Finding:
     if motors.deadman_s is not None and not answers:
         return ok(
             name,
-            f"its port opens; it cannot answer, and its deadman of {motors.deadman_s:g} s is not tested by this",
+            f"it opens; it cannot answer, and its deadman of {motors.deadman_s:g} s is not tested by this",
         )
     if motors.deadman_s is not None:
         return ok(name, f"answers; its deadman stops the wheels {motors.deadman_s:g} s after the last command")
-    text = "it cannot stop the wheels by itself: plain H-bridges have no deadman"
+    text = "it cannot stop the wheels by itself: nothing does if the computer fails"
     if inspection.config.safety.allow_no_deadman:
         return warn(name, f"{text}; the rover file allows it", "stay within reach of its power switch")
-    return fail(name, text, "use a board that has one, or set [safety] allow_no_deadman = true")
+    return fail(name, text, "use a board that does, or a monostable (pulse); or set [safety] allow_no_deadman = true")
 
 
 async def battery(inspection: Inspection) -> Finding:
