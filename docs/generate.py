@@ -27,6 +27,7 @@ from wayfarer import cli
 from wayfarer.config.registry import driver_names, find_driver
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.config.rover_path import SCHEMA
+from wayfarer.detector.witnesses import WITNESSES
 from wayfarer.experiments.keys import OWN, TERRAIN, WORLD, ForestKeys, descriptions
 from wayfarer.experiments.settings import FORMS, NAMES, CampaignSettings, option_of, plain_kind, sentences
 from wayfarer.fieldlog.wording import sentence
@@ -37,6 +38,7 @@ from wayfarer.vocabulary import WORDS
 FOLDER = Path(__file__).parent / "reference"
 STOPS = Path(__file__).parent / "explanation" / "what-stops-the-wheels.md"
 CASE = STOPS.with_name("safety-case.md")
+WITNESSED = STOPS.with_name("witnesses.md")
 BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 WRITTEN_BY = "<!-- Written by `python -m docs.generate`: change the code instead. -->\n"
 
@@ -96,6 +98,7 @@ def pages() -> dict[Path, str]:
         FOLDER / "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
         SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
         CASE: WRITTEN_BY + safety_case.page(),
+        WITNESSED: _with_part(WITNESSED.read_text(encoding="utf-8"), "witnesses", _witness_table()),
         STOPS: _with_part(STOPS.read_text(encoding="utf-8"), "conditions", _condition_table()),
     }
 
@@ -120,6 +123,12 @@ def _condition_cells(condition: Condition) -> Iterator[str]:
     words = WORDS[condition]
     yield from (f"`{condition.value}`", safety_case.levels(condition), TABLE[condition].kind.value)
     yield from map(sentence, (words.what, words.does, words.ends_when))
+
+
+def _witness_table() -> str:
+    head = "| `anomaly_source` | part | stood | moved | nothing | cannot see |\n|---|---|---|---|---|---|\n"
+    rows = ((f"`{name}`", each.part or "compass", *map(sentence, each[1:])) for name, each in WITNESSES.items())
+    return head + "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 # -- command line ------------------------------------------------------------------------------------------------------

@@ -81,8 +81,13 @@ CASES: Mapping[Condition, Case] = {
     ),
     Condition.WHEELS_STALE: Case(
         PUSHES,
-        "Wheels that stall are not noticed meanwhile; a motion sensor or a tilt still counts",
+        "Wheels that stall are not noticed meanwhile; a motion sensor, a tilt or the end of a stride still counts",
         ("detector/test_wheels.py::test_silent_wheels_are_stale_and_hide_no_stall",),
+    ),
+    Condition.SLIP_UNSEEN: Case(
+        PUSHES,
+        "It may push at a trunk with spinning wheels for a stride, 3 m of wheel travel",
+        ("detector/test_wheels.py::test_rover_that_sees_no_slip_says_so_and_ends_its_strides",),
     ),
     Condition.OVERTURNED: Case(UNEXPECTED, "A rover without tilt, or whose compass is silent, does not notice"),
     Condition.RUNAWAY: Case(

@@ -165,6 +165,11 @@ WORDS: Mapping[Condition, Words] = {
     Condition.WHEELS_STALE: Words(
         "the wheels' sensor is silent", "drives on without it; the sensor is opened again every 2 s", "it answers"
     ),
+    Condition.SLIP_UNSEEN: Words(
+        "nothing tells whether the rover moves: wheels that spin look like driving",
+        _BLIND,
+        "it has a motion sensor, named in anomaly_source",
+    ),
     Condition.OVERTURNED: Words(
         "the rover lies on its side or roof",
         _DISARMS,

@@ -139,7 +139,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"ground": "ice"}, "ground = 'ice': input should be 'ideal'"),
     ({"forests": "no.jsonl"}, "no.jsonl"),
     ({"rover": NO_MOTORS, "depth": "bus"}, "mine: key 'parts.compass' is missing"),
-    ({"set": {"anomaly_source": "sight"}}, "key 'anomaly_source' = 'sight': input should be 'motion' or 'contact'"),
+    ({"set": {"anomaly_source": "sight"}}, "key 'anomaly_source' = 'sight': input should be one or more of 'motion', "),
     ({"trials": True}, "trials = True: input should be a valid integer"),
     ({"slip_mean_m": np.True_}, "slip_mean_m = True: input should be a valid number"),
     ({"set": {"sim.slope_deg": (15, 0)}}, "set sim.slope_deg = (15, 0): expected a value, or LOW:HIGH"),

@@ -86,7 +86,7 @@ def test_list_has_each_kind_with_its_parts_and_what_it_does(run: Run) -> None:
     code, out, _ = run("list", "--faults", "--json")
     faults = {each["kind"]: each for each in json.loads(out)["faults"]}
     assert code == 0
-    assert faults["silent"]["parts"] == ["compass", "motion", "contact", "position", "motors"]
+    assert faults["silent"]["parts"] == ["compass", "motion", "contact", "wheels", "position", "motors"]
     assert (faults["nack"]["depth"], faults["snag"]["depth"]) == ("bus", None)
     assert faults["drive"]["params"] == {"left_gain": 0.0, "right_gain": 1.0}
     told = run("list", "--faults")[1]

@@ -16,6 +16,8 @@ from wayfarer.daemon.driven import DrivenBoard
 from wayfarer.daemon.stop_motors import motors_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
 
+SOURCES = "input should be one or more of 'motion', 'contact', 'wheels', 'current', 'yaw', each once, joined by '+'"
+
 
 @pytest.mark.parametrize("name", rover_names())
 def test_shipped_rovers_load_and_their_parts_are_those_that_their_drivers_can_be(name: str) -> None:
@@ -60,6 +62,7 @@ def test_values_of_the_file_are_used(tmp_path: Path) -> None:
 def test_other_sense_is_another_rover_and_this_one_stays() -> None:
     rover = load_rover("sim")
     assert rover.with_anomaly_source("contact").anomaly_source == "contact"
+    assert rover.with_anomaly_source("wheels+yaw").sources == {"wheels", "yaw"}
     assert rover.anomaly_source == "motion"
 
 
@@ -92,7 +95,14 @@ right_backward = 4
         (rover_toml(rest="[board]\nbattery_low_v = 0"), "key 'board.battery_low_v' = 0: input should be"),
         (rover_toml("declination_deg = 181"), "key 'declination_deg' = 181: input should be less than or equal to 180"),
         (rover_toml('buses = "linuxx"'), "key 'buses': unknown buses 'linuxx': did you mean linux?"),
-        (rover_toml('anomaly_source = "x"'), "key 'anomaly_source' = 'x': input should be 'motion' or 'contact'"),
+        *(
+            (rover_toml(f'anomaly_source = "{source}"'), f"key 'anomaly_source' = '{source}': {SOURCES}")
+            for source in ("x", "", "motion+", "motion+motion", "motion, wheels", "Motion")
+        ),
+        (
+            rover_toml('anomaly_source = "wheels+current"'),
+            "key 'anomaly_source' = 'wheels+current': 'current' needs detector.stall_current_a",
+        ),
         ("vehicle = 3\nname = 'x'", "key 'vehicle' = 3: input should be a table"),
         ("a = = 3", "not valid TOML: Invalid value (at line 1, column 5)"),
         ('name = "a"\nname = "b"', "not valid TOML: Cannot overwrite a value (at line 2, column"),

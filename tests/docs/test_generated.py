@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from docs.generate import CASE, FOLDER, STOPS, pages
+from docs.generate import CASE, FOLDER, STOPS, WITNESSED, pages
 from wayfarer.config.rover_path import SCHEMA
 
 # What a number may be measured in: as the end of its key, or as words of its description.
@@ -26,12 +26,12 @@ def generated() -> dict[Path, str]:
 
 
 @pytest.mark.parametrize(
-    "name", ["python.md", "command-line.md", "campaign-settings.md", "rover-file.md", SCHEMA, STOPS, CASE]
+    "name", ["python.md", "command-line.md", "campaign-settings.md", "rover-file.md", SCHEMA, STOPS, CASE, WITNESSED]
 )
 def test_page_is_as_the_code_says_now(generated: dict[Path, str], name: str | Path) -> None:
     path = FOLDER / name  # an absolute path stays what it is
     assert path.read_text(encoding="utf-8") == generated[path], "stale: python -m docs.generate"
-    assert len(generated) == 7
+    assert len(generated) == 8
 
 
 def test_every_key_of_the_world_has_its_default_and_range(generated: dict[Path, str]) -> None:

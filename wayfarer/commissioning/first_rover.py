@@ -199,7 +199,7 @@ UNSEEN = {
     "sabertooth": "which serial port, and which board, such as a roboclaw; nothing is sent to a port to find out. "
     "Ports here: {ports}",
     "pmw3901": "it did not answer; correct where it is, or put in the driver that you have. A rover without motion "
-    'sensor needs anomaly_source = "contact" at the top, and a [parts.contact]',
+    'sensor needs anomaly_source = "contact" at the top and a [parts.contact], or "wheels" and a [parts.wheels]',
     "camera_motion": "which camera, if not the first. Cameras here: {cameras}",
 }
 SILENT = "it did not answer; correct where it is, or put in the driver that you have"

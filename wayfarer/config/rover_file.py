@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from posixpath import normpath
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from annotated_types import Interval
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -24,6 +24,7 @@ from wayfarer.config.registry import check_buses, driver_names, find_driver
 from wayfarer.config.rover_path import ROVER_FILE_BYTES, SHIPPED, is_rover_file, own_folder, rover_path
 from wayfarer.config.settings import Chassis, MavlinkSettings
 from wayfarer.detector import DetectorSettings
+from wayfarer.detector.witnesses import WITNESSES
 from wayfarer.errors import BadConfig, BadInput, UnknownName, one_line
 from wayfarer.escape.settings import EscapeSettings, Vehicle
 from wayfarer.files import read_regular
@@ -36,6 +37,7 @@ _STRICT = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 _STALL_MARGIN = 1.5  # the stall guard waits for so many control periods at least
 _COMMANDS_PER_DEADMAN = 2  # one command may be lost or late, and a healthy rover drives on
 _TEXT_MAX = 255  # bytes of a text, as Linux allows in a file's name (NAME_MAX)
+SOURCES = rf"^({'|'.join(WITNESSES)})(\+({'|'.join(WITNESSES)}))*$"
 _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 
@@ -87,8 +89,10 @@ class RoverConfig(BaseModel):
     """What this rover is called in logs and reports."""
     control_hz: Hertz = 20.0
     """Control ticks a second."""
-    anomaly_source: Literal["motion", "contact"] = "motion"
-    """The sense by which it notices obstacles."""
+    anomaly_source: Annotated[str, Field(max_length=_TEXT_MAX, json_schema_extra={"pattern": SOURCES})] = "motion"
+    """Who notices that the rover is stuck: one or more of `motion`, `contact`, `wheels`, `current` and `yaw`, joined by
+    `+`, such as `wheels+current`. `contact` goes with the motion sensor, if there is one. Without `motion` nothing sees
+    wheels that spin: docs/explanation/witnesses.md says what each cannot see."""
     vehicle: Vehicle
     chassis: Chassis = Chassis()
     rates: Rates = Rates()
@@ -108,6 +112,35 @@ class RoverConfig(BaseModel):
     ``module:attribute``."""
     parts: dict[str, dict[str, Any]] = {}
     """A driver and its settings for each part; a rover without parts can only be simulated."""
+
+    @property
+    def sources(self) -> frozenset[str]:
+        """The names in ``anomaly_source``."""
+        return frozenset(self.anomaly_source.split("+"))
+
+    @property
+    def uses_motion(self) -> bool:
+        """Whether a motion sensor is read, if there is one."""
+        return not self.sources.isdisjoint({"motion", "contact"})
+
+    @field_validator("anomaly_source")
+    @classmethod
+    def _sources_are_witnesses(cls, source: str) -> str:
+        """Refuse what is no list of witnesses."""
+        names = source.split("+")
+        if len(set(names)) < len(names) or not WITNESSES.keys() >= set(names):
+            allowed = ", ".join(map(repr, WITNESSES))
+            raise ValueError(f"input should be one or more of {allowed}, each once, joined by '+'")
+        return source
+
+    @model_validator(mode="after")
+    def _current_is_measured_against_something(self) -> Self:
+        if "current" in self.sources and self.detector.stall_current_a is None:
+            raise ValueError(
+                f"key 'anomaly_source' = '{self.anomaly_source}': 'current' needs detector.stall_current_a, what the "
+                "motors of one side draw that are held at full duty; their data sheet has it for one motor"
+            )
+        return self
 
     @model_validator(mode="after")
     def _rates_meet_their_deadlines(self) -> Self:
@@ -197,8 +230,8 @@ class RoverConfig(BaseModel):
             raise ValueError(f"key 'buses': {error}") from None
         return buses
 
-    def with_anomaly_source(self, source: Literal["motion", "contact"]) -> Self:
-        """Return the same rover, noticing obstacles by another sense."""
+    def with_anomaly_source(self, source: str) -> Self:
+        """Return the same rover, noticing obstacles by other senses, as ``anomaly_source`` names them."""
         return self.model_copy(update={"anomaly_source": source})
 
 

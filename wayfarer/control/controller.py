@@ -292,7 +292,7 @@ class Controller:
         driven, gate, mission = self._detector.grade.on_flat_ground(inputs.applied), self._gate, self.mission
         tick = TickRecord(t_s, driven)
         tick.compass, tick.motion, tick.contact = inputs.compass, inputs.motion, inputs.contact
-        tick.rims = inputs.wheels
+        tick.rims, tick.duties = inputs.wheels, inputs.applied
         self._timer.measure(tick)
         self._travelled_m += abs(tick.forward_m)
         self._detector.update(tick, armed=mission is not None)

@@ -11,8 +11,9 @@ cancellation cannot interrupt.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Container
 from contextlib import suppress
+from dataclasses import replace
 from math import inf, nextafter
 
 from wayfarer.config.rover_file import RoverConfig
@@ -27,6 +28,7 @@ from wayfarer.control.shutdown import Shutdown, run_uncancellable
 from wayfarer.control.status_light import LAST_END_S, LIGHT_HZ, LastEnd, colour
 from wayfarer.control.tick import Inbox
 from wayfarer.detector import Detector
+from wayfarer.detector.witnesses import WITNESSES
 from wayfarer.errors import DriverError, MissingPart, NotArmed
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import Algorithm
@@ -73,16 +75,15 @@ class Supervisor:
         self._by_hand = config.manual.allowed
         self.inbox = Inbox()
         needs = check_parts(rover, algorithm, config)
-        detector = make_detector(
-            config, needs, watches_motion=rover.motion is not None, watches_wheels=rover.wheels is not None
-        )
+        detector = make_detector(config, needs, rover.parts)
         self.controller = Controller(config, detector, handler, log, ladder_seed=ladder_seed, goes_on=goes_on)
         self.loop = ControlLoop(rover.motors, self.inbox, self.controller, log, config.safety.tick_late_s)
         self._board = BoardWatch(rover.motors, self.inbox, self.controller, log, config.board.health_hz)
         self._patience_s = config.detector.compass_stale_s  # after this a silent compass is a condition
         self._over_s = -inf  # permissions that were given before are void
         self.being_checked = False
-        self.tasks = sensor_tasks(rover, self.inbox, config.rates, needs)
+        used = rover if config.uses_motion or "motion" in needs else replace(rover, motion=None)
+        self.tasks = sensor_tasks(used, self.inbox, config.rates, needs)
         lights = () if rover.light is None else (rover.light,)
         self._parts: tuple[Driver, ...] = (rover.motors, *lights, *(row.part for row in self.tasks))
         self._stopping = Shutdown(rover.motors, self._parts, log)
@@ -345,7 +346,8 @@ def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> froz
     needs = needs_of(algorithm, config)
     for name in sorted(needs):
         if getattr(rover, name, None) is None:
-            who = f"algorithm '{algorithm.name}'" if name in algorithm.requires else f"anomaly_source = '{name}'"
+            named = f"anomaly_source = '{config.anomaly_source}'"
+            who = f"algorithm '{algorithm.name}'" if name in algorithm.requires else named
             raise MissingPart(
                 f"{who} needs a {name} sensor, and rover '{config.name}' has none; choose another algorithm or rover"
             )
@@ -354,21 +356,21 @@ def check_parts(rover: Rover, algorithm: Algorithm, config: RoverConfig) -> froz
 
 def needs_of(algorithm: Algorithm, config: RoverConfig) -> frozenset[str]:
     """Return the optional parts that an algorithm needs on a rover of this configuration."""
-    return frozenset({*algorithm.requires, config.anomaly_source})
+    parts = (WITNESSES[source].part for source in config.sources)
+    return frozenset({*algorithm.requires, *filter(None, parts)})
 
 
-def make_detector(
-    config: RoverConfig, needs: frozenset[str], *, watches_motion: bool, watches_wheels: bool
-) -> Detector:
-    """Return the detector of a run that uses the parts ``needs``, and watches these sensors if it has them."""
+def make_detector(config: RoverConfig, needs: frozenset[str], parts: Container[str]) -> Detector:
+    """Return the detector of a run that uses the parts ``needs``, of a rover that has ``parts``."""
     return Detector(
         config.detector,
         config.vehicle,
         calibration_min=config.safety.calibration_min,
         duty_max=config.safety.duty_max,
-        watches_motion=watches_motion,
-        watches_wheels=watches_wheels,
-        watches_contact=config.anomaly_source == "contact",
+        watches_motion="motion" in parts and (config.uses_motion or "motion" in needs),
+        watches_contact="contact" in config.sources,
+        has_wheels="wheels" in parts,
+        witnesses=config.sources - {"motion", "contact"},
         needs_contact="contact" in needs,
         may_reckon=config.safety.on_lost_sense == "continue",
     )

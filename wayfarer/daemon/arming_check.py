@@ -54,8 +54,12 @@ def running_inspection(
             raise NotResponding(f"the {in_words(sense)} has said nothing for {FRESH_S:g} s; see the log for why")
         return reading
 
-    if "contact" not in {row.name for row in supervisor.tasks}:
-        rover = replace(rover, contact=None)  # an unused bumper is not read
+    used = {row.name for row in supervisor.tasks}  # what is not used is not read
+    rover = replace(
+        rover,
+        contact=rover.contact if "contact" in used else None,
+        motion=rover.motion if "motion" in used else None,
+    )
     opened = {**dict.fromkeys(rover.parts), "motors": motors_failed}
     return Inspection(config, rover, host, calibration, latest, opened)
 

@@ -12,7 +12,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.detector.wheels import WheelMonitor
 from wayfarer.escape.api import Anomaly
 from wayfarer.escape.settings import Vehicle
-from wayfarer.hal import CompassReading, ContactReading, MotionReading, Snapshot, WheelReading
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Snapshot, WheelCommand, WheelReading
 from wayfarer.safety.conditions import Condition
 from wayfarer.safety.tick_interval import Debounce, Moved, TickInterval
 
@@ -21,13 +21,14 @@ class DetectorTick(TickInterval):
     """The readings of the sensors at a tick, and what the detector found in them.
 
     A reading is None if the sensor has not answered yet (motion and rims: since the last tick). ``rims`` is what the
-    wheels did, as their sensor says.
+    wheels did, as their sensor says, and ``duties`` then those of the motors, with what a slope takes up.
     """
 
     compass: CompassReading | None = None
     motion: MotionReading | None = None
     contact: ContactReading | None = None
     rims: WheelReading | None = None
+    duties: WheelCommand = STOP
     anomalies: tuple[Anomaly, ...] = ()
     conditions: tuple[Condition, ...] = ()
 
@@ -41,10 +42,11 @@ class Detector:
     """Turns readings and applied commands into anomalies and conditions, one control tick at a time.
 
     ``vehicle`` gives the ground speed and the turn rate at full duty, ``calibration_min`` (0 to 3) the calibration that
-    arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion``,
-    ``watches_wheels`` and ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says
-    whether a touch is an anomaly; then silence is a condition as well. ``may_reckon`` says whether a mission goes on
-    without a compass (``HeadingEstimator``).
+    arming demands of the compass, ``duty_max`` the highest duty that the gate allows. ``watches_motion`` and
+    ``needs_contact`` say whether silence of that sensor is a condition. ``watches_contact`` says whether a touch is an
+    anomaly; then silence is a condition as well. ``has_wheels`` says whether there is a sensor of the wheels, and
+    ``witnesses`` who of ``wheels``, ``current`` and ``yaw`` is asked whether the rover is stuck. ``may_reckon`` says
+    whether a mission goes on without a compass (``HeadingEstimator``).
 
     ``grade`` compensates the ground's slope in the duties, ``odometer`` measures the way.
 
@@ -60,7 +62,8 @@ class Detector:
         calibration_min: int = 0,
         duty_max: float = 1.0,
         watches_motion: bool = True,
-        watches_wheels: bool = False,
+        has_wheels: bool = False,
+        witnesses: frozenset[str] = frozenset(),
         watches_contact: bool = False,
         needs_contact: bool = False,
         may_reckon: bool = True,
@@ -68,8 +71,12 @@ class Detector:
         self._turning_duty = radians(TURNS_FROM_DEG_S) * vehicle.track_m / vehicle.max_speed_m_s
         self._compass = CompassMonitor(settings, calibration_min)
         self._heading = HeadingEstimator(vehicle, may_reckon=may_reckon)
-        self._motion = MotionMonitor(settings, vehicle, watched=watches_motion)
-        self._wheels = WheelMonitor(settings) if watches_wheels else None
+        self._wheels = WheelMonitor(settings, vehicle, witnesses) if has_wheels else None
+        self._motion = MotionMonitor(
+            settings, vehicle, watched=watches_motion, sightless=bool(witnesses) and not watches_motion,
+            by_yaw="yaw" in witnesses, measures=watches_motion or not has_wheels,
+        )  # fmt: skip
+        self._by_wheels = has_wheels and not watches_motion
         self._needs_contact = needs_contact or watches_contact
         self._contact = ContactMonitor(settings, touch_counts=watches_contact, needed=self._needs_contact)
         self._ground = GroundSlope()
@@ -90,7 +97,7 @@ class Detector:
             self._compass.believed_t_s = self._contact.spoke_t_s = t_s
             self._motion.start(t_s)
             if (wheels := self._wheels) is not None:
-                wheels.spoke_t_s = t_s
+                wheels.start(t_s)
         left, right = tick.left, tick.right
         turns = abs(left - right) >= self._turning_duty
         before_deg, turned_deg = self._heading.gained_deg, self._compass.gained_deg
@@ -104,9 +111,18 @@ class Detector:
             rises_deg, falls_deg, _, _ = self._ground.towards_deg(believed.heading_deg)
             pitch_deg, runaway = 0.0 if doubtful else believed.pitch_deg, self._motion.runaway
             runaway.falls_ahead_deg, runaway.falls_back_deg = max(-pitch_deg, falls_deg), max(pitch_deg, rises_deg)
+        stood = False
+        if (wheels := self._wheels) is not None:
+            wheels.update(tick, tick.duties, gained_deg - before_deg, tick.rims, conditions)
+            if self._by_wheels:
+                self.odometer.update(tick.forward_m, wheels.moved, wheels.rims.since_m)
+            stood = wheels.stood
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
+        if stood:
+            stood = not self._motion.moves  # who sees the ground pass is believed
+            self._motion.begin_stride()
         self.moved = moved = self._motion.moved
-        anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over else []
+        anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over or stood else []
         self.compass = believed = self._heading.reading
         if believed is not None:
             self._tilt.update(t_s, believed, anomalies, conditions)
@@ -117,8 +133,6 @@ class Detector:
         if contact is not None or self._needs_contact:
             self._contact.update(t_s, contact, anomalies, conditions)
             self.contact = self._contact.reading
-        if (wheels := self._wheels) is not None:
-            wheels.update(t_s, tick.rims, conditions)
         if found := self._turns.update(tick, gained_deg, free=self._ground.flat and not doubtful):
             conditions += found
         if anomalies or conditions:

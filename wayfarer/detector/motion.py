@@ -12,7 +12,7 @@ from wayfarer.detector.settings import DetectorSettings
 from wayfarer.escape.settings import Vehicle
 from wayfarer.hal import MotionReading
 from wayfarer.safety.conditions import BLIND, Condition
-from wayfarer.safety.tick_interval import ROUNDING_S, Moved, TickInterval
+from wayfarer.safety.tick_interval import ROUNDING_S, Moved, ReadingInterval, TickInterval
 
 # Of ``blind_stride_m``, for a rover that knows neither motion nor tilt, and for one whose motion sensor lies: at least
 # two body lengths, so that it gets around a trunk. Chosen by us.
@@ -21,20 +21,28 @@ SHORT_SHARE: Final = 0.3
 UNKNOWN_S: Final = 0.9
 
 
-class MotionMonitor:
+class MotionMonitor(ReadingInterval):
     """Judges each reading once: ``moved`` is what this tick's reading shows, None if there is none.
 
     A reading is not ``known`` if its quality is low, if it cannot be, or if it is doubted (``ZeroDoubt``,
     ``ReadingDoubt``). Nor is anything while the sensor is silent: motion that nobody saw is unknown, not zero.
 
-    ``watched`` says whether silence is a condition; ``moves`` is whether the newest reading shows that the rover
-    moves. ``stride_over`` says that a rover that sees nothing has driven ahead for ``blind_stride_m``, and may have
-    been stuck for all of it, or that something holds it, because its heading does not answer steering.
+    ``watched`` says whether silence is a condition, ``sightless`` that there is no such sensor, and that strides are
+    bounded all the same, because the witnesses that there are see no slip. ``by_yaw`` says whether a heading that does
+    not answer steering counts whenever no motion is seen, not only after a while. ``measures`` is whether the odometer
+    goes by this sensor, or by the commands; else another sensor feeds it.
+
+    ``moves`` is whether the newest reading shows that the rover moves. ``stride_over`` says that a rover that sees
+    nothing has driven ahead for ``blind_stride_m``, and may have been stuck for all of it, or that something holds it,
+    because its heading does not answer steering.
     """
 
-    def __init__(self, settings: DetectorSettings, vehicle: Vehicle, *, watched: bool) -> None:
-        self._max_speed_m_s = vehicle.max_speed_m_s
-        self._watched = watched
+    def __init__(
+        self, settings: DetectorSettings, vehicle: Vehicle,
+        *, watched: bool, sightless: bool = False, by_yaw: bool = False, measures: bool = True,
+    ) -> None:  # fmt: skip
+        super().__init__(vehicle.max_speed_m_s)
+        self._watched, self._sightless, self._by_yaw, self._measures = watched, sightless, by_yaw, measures
         self._stale_s, self._quality_min = settings.motion_stale_s, settings.quality_min
         self._moves_from_m_s, self._speed_max_m_s = settings.immobilised_from_m_s, settings.motion_speed_max_m_s
         self._blind_stride_m = settings.blind_stride_m
@@ -46,13 +54,18 @@ class MotionMonitor:
         self._blind_m = 0.0  # commanded ahead since motion was seen
         self.moves = self.stride_over = self._lies = False
         self.moved: Moved | None = None
-        self._next = Moved()  # begun at ``_begun_t_s``: after a silence later than the last reading
-        self._begun_t_s = self._spoke_t_s = 0.0
+        self._spoke_t_s = 0.0
         self._driven_t_s = self._known_t_s = 0.0
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
-        self._driven_t_s = self._spoke_t_s = self._known_t_s = self._begun_t_s = t_s
+        super().start(t_s)
+        self._driven_t_s = self._spoke_t_s = self._known_t_s = t_s
+
+    def begin_stride(self) -> None:
+        """Begin a stride without sight here."""
+        self._blind_m = 0.0
+        self._steering.begin()
 
     def update(
         self, interval: TickInterval, turned_deg: float, reading: MotionReading | None, conditions: list[Condition]
@@ -86,18 +99,20 @@ class MotionMonitor:
             elif self._watched and t_s - self._known_t_s > UNKNOWN_S:
                 conditions.append(Condition.MOTION_UNKNOWN)
         self.moved = moved
-        self.odometer.update(interval.forward_m, moved, self._next.way_m)
+        if self._measures:
+            self.odometer.update(interval.forward_m, moved, self._next.way_m)
         self._steering.update(interval, turned_deg, moves=self.moves)
         self.stride_over = False
+        if self._sightless:
+            conditions.append(Condition.SLIP_UNSEEN)
         if self.moves:
             self._blind_m = 0.0  # only motion that is seen begins a stride, a few sure zeros do not
-        elif self._watched and interval.forward_m > 0.0:
+        elif (self._watched or self._sightless) and interval.forward_m > 0.0:
             self._blind_m += interval.forward_m
             share = SHORT_SHARE if self._lies or Condition.HEADING_RECKONED in conditions else 1.0
-            held = self._steering.unanswered and not BLIND.isdisjoint(conditions)
+            held = self._steering.unanswered and (self._by_yaw or not BLIND.isdisjoint(conditions))
             if held or self._blind_m >= share * self._blind_stride_m:
-                self._blind_m = 0.0
-                self._steering.begin()
+                self.begin_stride()
                 self.stride_over = True
         if self.runaway.found:
             conditions.append(Condition.RUNAWAY)
@@ -124,15 +139,6 @@ class MotionMonitor:
         stood_s = read_t_s - self._driven_t_s
         if stood_s > 0.0 or self.runaway.found:
             self.runaway.add(moved, stood_s)
-        return moved
-
-    def _close(self, t_s: float) -> Moved:
-        """End an interval, and begin the next."""
-        moved = self._next
-        self._next = Moved(moved.way_m)
-        lasted_s, self._begun_t_s = t_s - self._begun_t_s, t_s
-        # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
-        moved.driven_s = lasted_s - moved.undriven_s if moved.undriven_s < lasted_s else 0.0
         return moved
 
 

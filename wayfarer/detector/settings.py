@@ -34,6 +34,9 @@ class DetectorSettings:
     nowhere_s: ShortSeconds = 2.0
     """It gets nowhere if the same as in ``immobilised_s`` holds over this time, at least ``immobilised_s`` (ArduPilot's
     crash check takes 2 s)."""
+    stall_current_a: Annotated[float, Interval(ge=0.1, le=500)] | None = None
+    """What the motors of one side draw that are held at full duty, in amperes; only `current` in `anomaly_source` needs
+    it. Of a Pololu 37D of 12 V it is 5.5 A each (data sheet)."""
     gain_m_s2: Annotated[float, Interval(ge=0.01, le=20)] = 0.5
     """How fast this body gains or loses speed on the most slippery ground that it meets: a friction of 0.05, half of
     that of mud; from no measurement. It limits what a body that starts, coasts or turns can do."""

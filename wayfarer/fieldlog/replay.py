@@ -110,10 +110,7 @@ class Rerun:
         files = {name: OwnFile(file.get("path", ""), file.get("blake2b", "")) for name, file in header.files.items()}
         algorithm = find_algorithm(as_used(header.algorithm, files))
         handler = algorithm.make(config.escape, config.vehicle, Random(header.algorithm_seed))
-        detector = make_detector(
-            config, needs_of(algorithm, config),
-            watches_motion="motion" in header.parts, watches_wheels="wheels" in header.parts,
-        )  # fmt: skip
+        detector = make_detector(config, needs_of(algorithm, config), header.parts)
         self._heard: list[tuple[float, Event]] = []  # what happens between two ticks, and when it counts
         self._inbox = Inbox()
         self._controller = Controller(config, detector, handler, RunLog(), ladder_seed=header.ladder_seed or 0)

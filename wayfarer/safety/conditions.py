@@ -62,6 +62,7 @@ class Condition(Enum):
     MOTION_IMPLAUSIBLE = "motion_implausible"
     CONTACT_STALE = "contact_stale"
     WHEELS_STALE = "wheels_stale"
+    SLIP_UNSEEN = "slip_unseen"
     OVERTURNED = "overturned"
     RUNAWAY = "runaway"
     DRIVE_REVERSED = "drive_reversed"
@@ -106,6 +107,8 @@ TABLE: Final[Mapping[Condition, Row]] = {
     Condition.MOTION_IMPLAUSIBLE: Row(Level.NOTE, Kind.IGNORANCE),
     Condition.CONTACT_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.STRICTER_AMONG_PEOPLE),
     Condition.WHEELS_STALE: Row(Level.DEGRADE, Kind.IGNORANCE, Means.SILENCE | Means.STRICTER_AMONG_PEOPLE),
+    # It has no sensor that could: no sense was lost, so that it drives among people as well.
+    Condition.SLIP_UNSEEN: Row(Level.NOTE, Kind.IGNORANCE, Means.BLIND),
     Condition.OVERTURNED: Row(Level.FAULT, Kind.DANGER, Means.NOT_ARMED),
     Condition.RUNAWAY: Row(Level.FAULT, Kind.DANGER, Means.UNCOMMANDED),
     # Its wheels or its compass are the wrong way round, and it does not know which; who drives it by hand sees it.

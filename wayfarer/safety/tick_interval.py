@@ -126,6 +126,31 @@ class Moved:
         return abs(self.commanded_m) / hypot(self.pushed_m, turned_m) if self.commanded_m else 1.0
 
 
+class ReadingInterval:
+    """Follows what is commanded from one reading of a sensor to the next; ``_next`` has begun at ``_begun_t_s``.
+
+    After a silence that is later than the last reading.
+    """
+
+    def __init__(self, max_speed_m_s: float) -> None:
+        self._max_speed_m_s = max_speed_m_s
+        self._next = Moved()
+        self._begun_t_s = 0.0
+
+    def start(self, t_s: float) -> None:
+        """Begin now."""
+        self._begun_t_s = t_s
+
+    def _close(self, t_s: float) -> Moved:
+        """End an interval, and begin the next."""
+        moved = self._next
+        self._next = Moved(moved.way_m)
+        lasted_s, self._begun_t_s = t_s - self._begun_t_s, t_s
+        # A reading may be older than the gap that the tick saw: then nothing is known to have been driven.
+        moved.driven_s = lasted_s - moved.undriven_s if moved.undriven_s < lasted_s else 0.0
+        return moved
+
+
 class Debounce:
     """Holds back a condition until it has lasted for ``for_s``."""
 

@@ -40,7 +40,8 @@ def build(
     Raises:
         BadConfig: at bus depth, a part has no simulated chip.
     """
-    if "wheels" in config.parts and not config.chassis.missing(WHEEL_KEYS):
+    world.stall_current_a = config.detector.stall_current_a or world.stall_current_a
+    if not config.chassis.missing(WHEEL_KEYS) and ("wheels" in config.parts or not config.uses_motion):
         world.wheeled = body_of(config.name, config.vehicle, config.chassis, "its wheels' sensor")
     if depth is Depth.BUS:
         return bus_depth(world, streams, config, clock, buses or FakeBuses())
@@ -112,7 +113,11 @@ def _receiver(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig
 
 
 def _wheels(world: SimulatedWorld, config: RoverConfig) -> SimWheels | None:
-    return SimWheels(world, **_quanta("wheels", config)) if "wheels" in config.parts else None
+    """Return the sensor of the wheels, if the file has one, or its rover is to notice by it that it is stuck."""
+    if "wheels" in config.parts:
+        return SimWheels(world, **_quanta("wheels", config))
+    way, current = "wheels" in config.sources, "current" in config.sources
+    return SimWheels(world, way=way, current=current) if way or current else None
 
 
 def _has_bumper(config: RoverConfig) -> bool:

@@ -155,6 +155,39 @@ def test_sensor_of_the_wheels_says_what_it_measures(rig: Rig) -> None:
     assert rig.look(parts.wheels).verdict is FAIL
 
 
+@pytest.mark.parametrize(
+    ("source", "sensor", "told"),
+    [
+        ("wheels", None, 'the rover file has no [parts.wheels], and anomaly_source is "wheels"'),
+        ("wheels", {"way": False}, 'answers, and measures current, but anomaly_source names "wheels"'),
+        (
+            "current",
+            {"current": False},
+            'answers, and measures the way of the rims, but anomaly_source names "current"',
+        ),
+        ("motion", {"way": False}, None),
+        ("wheels+current", {}, None),
+    ],
+)
+def test_wheels_that_are_to_notice_stalls_must_be_measured(
+    rig: Rig, source: str, sensor: dict[str, bool] | None, told: str | None
+) -> None:
+    rig.config = rig.config.with_anomaly_source(source)
+    rig.rover = replace(rig.rover, wheels=None if sensor is None else SimWheels(rig.world, **sensor))
+    finding = rig.look(parts.wheels)
+    assert (finding.verdict, finding.text) == (FAIL, told) if told else finding.verdict is OK
+
+
+@pytest.mark.parametrize("source", ["wheels", "current", "yaw", "wheels+current+yaw"])
+def test_owner_of_a_rover_without_a_motion_sensor_is_told_what_nobody_sees(rig: Rig, source: str) -> None:
+    rig.config = rig.config.with_anomaly_source(source)
+    finding = rig.look(parts.motion)
+    assert finding.verdict is WARN
+    assert "wheels that spin on mud or leaves look like driving; it turns away after 3 m instead" in finding.text
+    rig.config = rig.config.with_anomaly_source(f"motion+{source}")
+    assert rig.look(parts.motion).verdict is OK
+
+
 def test_a_part_that_can_be_done_without_is_only_a_warning(rig: Rig) -> None:
     assert [rig.look(check).verdict for check in (parts.light, parts.position)] == [SKIPPED, SKIPPED]
     rig.rover = replace(rig.rover, light=rig.compass)  # type: ignore[arg-type]  # any part that opens, or not

@@ -66,9 +66,10 @@ def _advice(where: str, part: str, error: DriverError) -> tuple[str, str]:
 
 def _absent(inspection: Inspection, part: str, text: str, instead: str) -> Finding:
     """Return that a rover has not got a part: a failure if it is to notice obstacles by it; no run begins then."""
-    if inspection.config.anomaly_source != part:
+    source = inspection.config.anomaly_source
+    if part not in inspection.config.sources:
         return skipped(part, text)
-    text = f'the rover file has no [parts.{part}], and anomaly_source is "{part}"'
+    text = f'the rover file has no [parts.{part}], and anomaly_source is "{source}"'
     return fail(part, text, f'add [parts.{part}] or set anomaly_source = "{instead}"')
 
 
@@ -89,6 +90,13 @@ async def compass(inspection: Inspection) -> Finding:
 
 async def motion(inspection: Inspection) -> Finding:
     """Check that the motion sensor answers and sees the ground."""
+    config = inspection.config
+    if not config.uses_motion:
+        text = (
+            f'anomaly_source = "{config.anomaly_source}": nothing sees whether the rover moves, and wheels that spin '
+        )
+        text += f"on mud or leaves look like driving; it turns away after {config.detector.blind_stride_m:g} m instead"
+        return warn("motion", text, "add a motion sensor, and name it in anomaly_source")
     if inspection.rover.motion is None:
         return _absent(inspection, "motion", "this rover has no motion sensor", instead="contact")
     try:
@@ -120,16 +128,23 @@ async def contact(inspection: Inspection) -> Finding:
 
 async def wheels(inspection: Inspection) -> Finding:
     """Check that the wheels' sensor answers, and say what it measures."""
+    sources = inspection.config.sources
     if inspection.rover.wheels is None:
-        return skipped("wheels", "this rover does not measure its wheels")
+        if sources.isdisjoint({"wheels", "current"}):
+            return skipped("wheels", "this rover does not measure its wheels")
+        text = f'the rover file has no [parts.wheels], and anomaly_source is "{inspection.config.anomaly_source}"'
+        return fail("wheels", text, 'add [parts.wheels] or set anomaly_source = "motion"')
     try:
         await inspection.read("wheels")  # the first after the opening knows no way
         reading: WheelReading = await inspection.read("wheels")
     except DriverError as error:
         return part_failed(inspection, "wheels", "wheels", error)
-    values = {"the way of the rims": reading.left_m, "current": reading.left_a}
-    measured = " and ".join(what for what, value in values.items() if value is not None)
-    return ok("wheels", f"answers; it measures {measured or 'nothing now'}")
+    values = {"wheels": ("the way of the rims", reading.left_m), "current": ("current", reading.left_a)}
+    measured = " and ".join(what for what, value in values.values() if value is not None) or "nothing now"
+    if missing := [f'"{name}"' for name, (_, value) in values.items() if value is None and name in sources]:
+        text = f"answers, and measures {measured}, but anomaly_source names {' and '.join(missing)}"
+        return fail("wheels", text, f"take {' and '.join(missing)} out of anomaly_source, or add what measures it")
+    return ok("wheels", f"answers; it measures {measured}")
 
 
 def _helper_failed(inspection: Inspection, name: str, error: DriverError) -> Finding:

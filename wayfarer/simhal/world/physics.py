@@ -61,6 +61,11 @@ class Senses:
     flow_scale_sd: Fraction = 0.0
     """Standard deviation of the logarithm of a factor on each displacement, one per trial: the flow sensor is at
     another height above the ground than its driver believes."""
+    current_noise_share: Fraction = 0.0
+    """Noise on the current of the motors of a side, as a share of it; not in MuJoCo."""
+    current_scale_sd: Fraction = 0.0
+    """Standard deviation of the logarithm of a factor on all currents, one per trial: the stall current is another than
+    the rover file says; not in MuJoCo."""
     blind_share: Fraction = 0.0
     """Share of the ground on which the flow sensor sees nothing, and not where the rover starts. It reports exact zeros
     there; a camera shows black."""
@@ -84,6 +89,10 @@ FIELD: Final[Mapping[str, float]] = MappingProxyType(
         "tilt_vibration_deg": 1.5,  # data sheet of the BNO080, page 48: the error of gravity in motion
         # PX4 took 385 counts a radian for a PMW3901 and later 500, so up to 15 % either way until it is calibrated.
         "flow_scale_sd": 0.15,
+        "current_noise_share": 0.15,  # on rough ground; proposed by us
+        # Copper has 20 % more resistance at 70 degrees than at 20, and a battery of 12.6 V when full has 10.5 V at the
+        # end.
+        "current_scale_sd": 0.1,
         "blind_share": 0.2,  # in shade or wet; proposed by us
         "blind_cell_m": 2.0,  # chosen by us
         # A SQUAL of 38: in the dark up to 60 was seen beside long zeros (PX4 issue 12894).

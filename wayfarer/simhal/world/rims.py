@@ -8,11 +8,13 @@ grip. Wheels that slip, or hang in the air, spin.
 
 from __future__ import annotations
 
-from math import hypot
+from math import exp, hypot
 from typing import Final
 
 from wayfarer.angles import clamp
 from wayfarer.config.settings import STANDARD_GRAVITY_M_S2
+from wayfarer.simhal.random_streams import RandomStreams
+from wayfarer.simhal.world.physics import Senses
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, WheeledBody
 
 # On ideal ground a body goes as commanded; where it is held, its wheels have the grip of dry soil.
@@ -33,9 +35,13 @@ class Rims:
     Args:
         body: the rover; None if its file does not say.
         friction: of tyre on ground; None on ideal ground.
+        senses: how the currents err that the loads are told by.
+        streams: their chance.
     """
 
-    def __init__(self, body: WheeledBody | None, friction: float | None) -> None:
+    def __init__(
+        self, body: WheeledBody | None, friction: float | None, senses: Senses, streams: RandomStreams
+    ) -> None:
         push, sideways = PLAIN_PUSH, PLAIN_SIDEWAYS
         if body is not None:
             a_m, b_m, radius_m = body.wheels
@@ -46,12 +52,14 @@ class Rims:
         self._resistance = ROLLING_RESISTANCE * self._per_friction
         # Ideal ground takes nothing from a turn; a real one does, and that is what a motor in a turn has to carry.
         self._turning = IDEAL_FRICTION * sideways * self._per_friction if friction is None else 0.0
+        scale = streams.generator("wheels.current_scale").normal(0.0, senses.current_scale_sd)
+        self._scale, self._noise = exp(float(scale)), streams.normal("wheels.current", senses.current_noise_share)
         self.left_m = self.right_m = self.left_load = self.right_load = 0.0
 
     def held(self, step_s: float, left: float, right: float, full_m_s: tuple[float, float], *, slips: bool) -> None:
         """Take a step in which the body stood, for these duties and the sides' free speeds."""
         grip = SLIP_FRICTION * self._per_friction if slips else self._grip
-        self.left_load, self.right_load = min(abs(left), grip), min(abs(right), grip)
+        self._load(min(abs(left), grip), min(abs(right), grip))
         self.left_m += (left - clamp(left, -grip, grip)) * full_m_s[0] * step_s
         self.right_m += (right - clamp(right, -grip, grip)) * full_m_s[1] * step_s
 
@@ -64,7 +72,11 @@ class Rims:
         carried = self._turning * min(abs(left_share - right_share), 1.0)
         if self._turning and (left_m_s or right_m_s):
             carried += self._resistance
-        self.left_load = min(abs(left - left_share) + carried, 2.0)
-        self.right_load = min(abs(right - right_share) + carried, 2.0)
+        self._load(abs(left - left_share) + carried, abs(right - right_share) + carried)
         self.left_m += left_m_s * step_s
         self.right_m += right_m_s * step_s
+
+    def _load(self, left: float, right: float) -> None:
+        noise, scale = self._noise, self._scale
+        self.left_load = clamp(left * scale * (1.0 + noise.draw()), 0.0, 2.0)
+        self.right_load = clamp(right * scale * (1.0 + noise.draw()), 0.0, 2.0)

@@ -95,6 +95,7 @@ class World(SimulatedWorld):
         self._left_m_s = self._right_m_s = 0.0
         self._skid = skid
         self._rims: Rims | None = None
+        self._streams = streams
         self.command(0.0, 0.0)
 
     def _build_rover(self, vehicle: Vehicle, streams: RandomStreams) -> None:
@@ -137,7 +138,8 @@ class World(SimulatedWorld):
         rims = self._rims
         if rims is None:
             skid = self._skid
-            rims = self._rims = Rims(self.wheeled, None if skid is None else skid.friction)
+            friction = None if skid is None else skid.friction
+            rims = self._rims = Rims(self.wheeled, friction, self.physics, self._streams)
         return rims
 
     def _turn_rims(self, rims: Rims) -> None:
