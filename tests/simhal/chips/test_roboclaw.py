@@ -137,6 +137,15 @@ def test_power_that_is_lost_takes_the_timeout_and_the_duties() -> None:
     assert (bench.chip.timeout, bench.chip.levels, bench.world.commanded) == (0, (0, 0), (0.0, 0.0))
 
 
+def test_packet_behind_one_that_broke_off_is_lost_with_it() -> None:
+    bench = Bench()
+    bench.send("80")
+    assert bench.send(AHEAD) == ""
+    assert bench.chip.levels == (0, 0)
+    bench.now_s += 0.011
+    assert bench.send(AHEAD) == "FF"
+
+
 def test_command_that_the_manual_has_not_is_a_mistake_of_the_driver() -> None:
     with pytest.raises(ChipMisuse, match="command 200"):
         Bench().send("80 C8")

@@ -105,12 +105,18 @@ class RoboClawChip(MotorBoardChip):
             self.dropped += 1
             self._packet = b""
         self._byte_s = now_s
+        if not self._packet and data[:1] == bytes((self._address,)) and not self._knows(*data[1:2]):
+            raise ChipMisuse(f"RoboClaw: command {data[1]}")
         answer = b""
         for byte in data:
             if self._packet or byte == self._address:
                 self._packet += bytes((byte,))
                 answer += self._take()
         return answer
+
+    def _knows(self, command: int = _SET_TIMEOUT) -> bool:
+        """Return whether there is such a command; one that is still to come may be."""
+        return command in self._answers or command in _WRITES
 
     def _take(self) -> bytes:
         """Do what the packet says, if it is whole."""
@@ -124,9 +130,10 @@ class RoboClawChip(MotorBoardChip):
                 self._fed_s = self._clock()
             answer = self._answers[command]()
             return answer + crc_hqx(packet + answer, 0).to_bytes(_CRC_BYTES, "big")
-        if command not in _WRITES:
+        if command not in _WRITES:  # behind a packet that broke off
             self._packet = b""
-            raise ChipMisuse(f"RoboClaw: command {command}")
+            self.dropped += 1
+            return b""
         if len(packet) < 2 + _WRITES[command] + _CRC_BYTES:
             return b""
         self._packet = b""
