@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from random import Random
 from typing import Any
 
 import pytest
@@ -17,6 +18,8 @@ from wayfarer.drivers.roboclaw_board import Opcode, link_to, with_crc
 from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.faults.bus import BoardFault, FailsafeOff
+from wayfarer.simhal.faults.wires import SERIAL, FaultyWire, Hang, WiredPart
 
 AHEAD = WheelCommand(0.5, 0.5)
 ASK_TIMEOUT, STAND = "80 0F", "80 22 00 00 00 00 98 17"
@@ -138,6 +141,18 @@ async def test_board_that_lost_its_power_gets_no_command_to_move_before_it_is_op
     await bench.motors.open()
     await bench.motors.drive(AHEAD)
     assert bench.world.commanded != STOP
+
+
+@virtual
+async def test_faults_on_purpose_are_a_deadman_that_does_not_arm_and_a_sentence() -> None:
+    bench = RoboClawBench()
+    wired = WiredPart("roboclaw", None, SERIAL, bench.chip, FaultyWire(""), Hang(""))
+    with FailsafeOff().effect(wired, Random(0)), pytest.raises(NotResponding, match="does not stay"):
+        await bench.motors.open()
+    await bench.motors.open()
+    with BoardFault().effect(wired, Random(0)):
+        assert (await bench.motors.health()).faults[0].startswith("M1 (left): driver fault")
+    assert (await bench.motors.health()).faults == ()
 
 
 # -- answers -----------------------------------------------------------------------------------------------------------

@@ -18,16 +18,20 @@ from hypothesis import strategies as st
 
 from tests.fuzz.damage import Choices
 from tests.fuzz.target import Target, Try, refused
+from tests.kit.boards import now_s
+from tests.simhal.clearing import steady_world
 from wayfarer.drivers.bno055 import BNO055, BNO055Settings
 from wayfarer.drivers.buses import ANSWER_WITHIN_S, Frame, Missing, whole
 from wayfarer.drivers.camera_motion import CameraMotion, CameraMotionSettings
 from wayfarer.drivers.cmps14 import CMPS14, CMPS14Settings
 from wayfarer.drivers.pmw3901 import PMW3901, PMW3901Settings
+from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.thunderborg import ThunderBorg, ThunderBorgSettings
 from wayfarer.drivers.thunderborg_board import ThunderBorgLight, ThunderBorgLightSettings
 from wayfarer.errors import DriverError, NotResponding
 from wayfarer.hal import Colour, CompassReading, MotionReading, MotorHealth, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.chips.roboclaw import RoboClawChip
 from wayfarer.simhal.clock.virtual_loop import VirtualLoop
 
 READS = 6
@@ -80,7 +84,7 @@ class Wire:
         answer = self._suffered(self._answer(data, data[-1]))
         return whole(self.name, answer, missing, within_s)
 
-    def post(self, address: int, data: bytes) -> None:
+    def post(self, *data: Any) -> None:
         pass
 
     def _suffered(self, answer: bytes) -> bytes:
@@ -230,7 +234,7 @@ def _board_answer(data: bytes, count: int) -> bytes:
     return (data[:1] + REPLIES.get(data[0], b"")).ljust(count, b"\0")
 
 
-async def _use_board(part: ThunderBorg) -> None:
+async def _use_board(part: ThunderBorg | RoboClaw) -> None:
     applied = await part.drive(WheelCommand(0.5, -0.25))
     assert applied.left <= 0.5 and applied.right >= -0.25
     said, health = await part.read_back(), await part.health()
@@ -249,6 +253,21 @@ BOARD = Target(
     "thunderborg",
     FAULTS,
     lambda: _driven(lambda faults: ThunderBorg(ThunderBorgSettings(), Wire(_board_answer, faults)), _use_board),  # type: ignore[arg-type]
+)
+
+
+def _claw() -> Answer:
+    chip = RoboClawChip(steady_world(), now_s)
+    return lambda data, _: chip.receive(data)
+
+
+CLAW = Target(
+    "roboclaw",
+    FAULTS,
+    lambda: _driven(
+        lambda faults: RoboClaw(RoboClawSettings(), Wire(_claw(), faults)),  # type: ignore[arg-type]
+        _use_board,
+    ),
 )
 LIGHT = Target(
     "thunderborg-light",

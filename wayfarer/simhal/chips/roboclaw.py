@@ -18,6 +18,7 @@ from wayfarer.simhal.chips.motor_boards import MotorBoardChip
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
 ROBOCLAW_ADDRESS: Final = 0x80
+ROBOCLAW_FAULT: Final = 0x40  # a driver fault of M1, in a status of four bytes
 ROBOCLAW_FULL_LEVEL: Final = 32767.0  # the level that is duty 1 in the world
 
 _PACKET_GAP_S: Final = 0.010  # page 59: after a longer one a packet that is not whole is dropped

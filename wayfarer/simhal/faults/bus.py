@@ -17,6 +17,7 @@ from wayfarer.drivers.thunderborg_board import Opcode
 from wayfarer.setting_ranges import Fraction
 from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.chips.pmw3901 import BURST
+from wayfarer.simhal.chips.roboclaw import ROBOCLAW_FAULT
 from wayfarer.simhal.faults.fault_kind import FaultKind, changed, listed
 from wayfarer.simhal.faults.wires import ANSWERING, CAMERA, CHIPS, I2C, SERIAL, WiredPart
 
@@ -192,9 +193,12 @@ class FailsafeOff(BusFault):
     """The board's deadman does not arm."""
 
     targets = ("motors",)
-    fits = ("thunderborg",)
+    fits = ("thunderborg", "roboclaw")
 
     def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
+        if wired.driver == "roboclaw":
+            wired.chip.timeout = 0
+            return changed(wired.chip, keeps_timeout=False)
         return _answering(wired, {bytes((Opcode.GET_FAILSAFE,)): 1}, 0)
 
 
@@ -202,13 +206,12 @@ class BoardFault(BusFault):
     """The board reports a drive fault."""
 
     targets = ("motors",)
-    fits = ("thunderborg",)
+    fits = ("thunderborg", "roboclaw")
 
-    @contextmanager
-    def effect(self, wired: WiredPart, _: Random) -> Iterator[None]:
-        wired.chip.drive_faults.add(0)
-        yield
-        wired.chip.drive_faults.discard(0)
+    def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
+        if wired.driver == "roboclaw":
+            return changed(wired.chip, status=ROBOCLAW_FAULT)
+        return changed(wired.chip, drive_faults={0})
 
 
 class Ignores(BusFault):
