@@ -21,11 +21,11 @@ pytestmark = pytest.mark.process  # a second and more each: not a unit test's
 
 FOLDER = Path(__file__).parents[1] / "examples"
 EXAMPLES = sorted(path.stem for path in FOLDER.glob("*.py"))
+SKELETONS = sorted(f"own/{path.stem}" for path in FOLDER.glob("own/*.py"))  # of wayfarer new: tests/cli/test_new.py
 LONG = "failsafe_under_a_planner"  # has another stack's planner and rover in it as well
 
 # What each example prints, as regular expressions that are found in this order.
 PRINTS = {
-    "algorithm_of_your_own": [r"left_hand: (escaped|left_bounds) after \d+\.\d m"],
     "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: complete"],
     "campaign_at_a_site": [r"^trial 0: escaped after \d+ s, helped \d", r"forest-pledge: 100 % \[\d+, 100\]"],
     "compare_two_algorithms": [r"^forest-pledge: SPL 0", r"retry-pledge: SPL 0", r"change of SPL in pairs: [+-]0\."],
@@ -57,7 +57,7 @@ PUBLIC = (
 BUILD_A_ROVER = (LONG, "simulated_chips")  # out of parts of the simulator, in the place of one that is not wayfarer's
 
 
-@pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in BUILD_A_ROVER])
+@pytest.mark.parametrize("name", [name for name in [*EXAMPLES, *SKELETONS] if name not in BUILD_A_ROVER])
 def test_example_uses_nothing_but_what_is_public(name: str) -> None:
     used = {each for each in named_in((FOLDER / f"{name}.py").read_text(encoding="utf-8")) if "wayfarer." in each}
     public = {f"wayfarer.{each}" for each in wayfarer.__all__}

@@ -28,6 +28,7 @@ from wayfarer.cli import (
     init,
     listing,
     logs,
+    new,
     replay,
     report,
     rover,
@@ -86,6 +87,7 @@ command(rich_help_panel=AFTERWARDS, epilog=report.EXAMPLES)(report.report)
 command(rich_help_panel=AFTERWARDS, epilog=compare.EXAMPLES)(compare.compare)
 command(rich_help_panel=AFTERWARDS, epilog=replay.EXAMPLES)(replay.replay)
 command("install-service", rich_help_panel=ROVER, epilog=commissioning.INSTALL_EXAMPLES)(commissioning.install_service)
+command("new", epilog=new.EXAMPLES)(new.new)
 command("list")(listing.list_names)
 
 

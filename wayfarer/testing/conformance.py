@@ -11,6 +11,7 @@ from math import degrees, isfinite
 from random import Random
 from typing import Any, TypeVar
 
+from wayfarer.config.registry import algorithm_of
 from wayfarer.errors import DriverError
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
@@ -41,7 +42,7 @@ _PLAIN_NAME = re.compile(r"[a-z][a-z_]*(\.[a-z_]+)*")
 _OPTIONAL_PARTS = {field.name for field in fields(Rover)} - {"compass", "motors"}
 
 
-def check_algorithm(algorithm: Algorithm) -> None:
+def check_algorithm(given: Algorithm | type[EscapeHandler]) -> None:
     """Check the promises of ``escape.api.EscapeHandler`` on a rehearsed drive, with and without contact.
 
     Decisions are finite wheels in -1..1 with a fixed ``why``; the same seed gives the same decisions; where north is
@@ -51,6 +52,7 @@ def check_algorithm(algorithm: Algorithm) -> None:
     Raises:
         AssertionError: a promise is not kept; the text says which.
     """
+    algorithm = algorithm_of(given)
     unknown = algorithm.requires - _OPTIONAL_PARTS
     assert not unknown, f"requires {sorted(unknown)}: a rover has only {sorted(_OPTIONAL_PARTS)}"
     for contact in (True, False):
