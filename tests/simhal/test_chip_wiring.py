@@ -67,7 +67,7 @@ def test_built_in_driver_given_by_its_path_has_its_chip() -> None:
 
 @pytest.mark.parametrize(
     ("named", "says"),
-    [("no_such_package:CHIP", "cannot import no_such_package"), (f"{MODULE}:attach", "is not a wayfarer.simhal")],
+    [("no_such_package:CHIP", "cannot import no_such_package"), (f"{MODULE}:attach", "is not a wayfarer.testing")],
 )
 def test_what_is_no_simulated_chip_is_told(monkeypatch: pytest.MonkeyPatch, named: str, says: str) -> None:
     monkeypatch.setattr(third_party_compass.LooseXC9, "simulated_chip", named)

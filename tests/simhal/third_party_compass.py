@@ -10,9 +10,8 @@ from typing import ClassVar
 from wayfarer.drivers.buses import Buses
 from wayfarer.errors import WrongPart
 from wayfarer.hal import CompassReading
-from wayfarer.simhal.buses import ChipMisuse
-from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
 from wayfarer.simhal.sensor_models import HeadingSensorModel
+from wayfarer.testing import ChipWiring, RegisterChip, SimulatedChip
 
 WHO_AM_I, ATTITUDE, IDENTITY = 0x0F, 0x10, 0x9C
 BLOCK = Struct(">Hhh")  # heading, pitch, roll in tenths of a degree
@@ -55,25 +54,18 @@ class LooseXC9(XC9):
     simulated_chip: ClassVar[str] = "tests.simhal.third_party_compass:XC9_CHIP"
 
 
-class XC9Chip:
-    def __init__(self, wiring: ChipWiring) -> None:
-        self._sample = HeadingSensorModel(wiring.world, wiring.streams).sample
-        self._clock = wiring.sense_clock
-        self._asked = b""
-
-    def write(self, data: bytes) -> None:
-        self._asked = data
-
-    def read(self, count: int) -> bytes:
-        if (self._asked, count) == (bytes((WHO_AM_I,)), 1):
-            return bytes((IDENTITY,))
-        if (self._asked, count) == (bytes((ATTITUDE,)), BLOCK.size):
-            return BLOCK.pack(*self._sample(self._clock()))
-        raise ChipMisuse(f"XC9: read of {count} bytes after {self._asked.hex()}")
+REGISTERS = {WHO_AM_I: IDENTITY, **dict.fromkeys(range(ATTITUDE, ATTITUDE + BLOCK.size), 0)}
 
 
 def attach(settings: XC9Settings, wiring: ChipWiring) -> None:
-    wiring.buses.i2c(settings.bus).attach(settings.address, XC9Chip(wiring))
+    sense = HeadingSensorModel(wiring.world, wiring.streams)
+
+    def measure(wanted: range) -> None:
+        if ATTITUDE in wanted:
+            chip.put(ATTITUDE, BLOCK.pack(*sense.sample(wiring.sense_clock())))
+
+    chip = RegisterChip("XC9", REGISTERS, read_only=REGISTERS, before_read=measure)
+    wiring.buses.i2c(settings.bus).attach(settings.address, chip)
 
 
 XC9_CHIP = SimulatedChip(attach, lambda _: {"opens_s": STARTS_S})

@@ -133,5 +133,5 @@ def chip_of(part: str, table: Mapping[str, Any]) -> tuple[SimulatedChip | None, 
         return None, settings
     chip = load_path("chip", path)
     if not isinstance(chip, SimulatedChip):
-        raise BadInput(f"chip '{path}' of driver '{name}' is not a wayfarer.simhal.chip_wiring.SimulatedChip")
+        raise BadInput(f"chip '{path}' of driver '{name}' is not a wayfarer.testing.SimulatedChip")
     return chip, settings
