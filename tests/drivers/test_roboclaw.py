@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.kit.boards import RoboClawBench, now_s
 from tests.virtual import virtual
-from wayfarer.drivers.roboclaw import RoboClawSettings
+from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.roboclaw_board import Opcode, link_to, with_crc
 from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
 from wayfarer.hal import STOP, WheelCommand
@@ -232,6 +232,33 @@ async def test_what_is_no_roboclaw_does_not_open(
     with pytest.raises(kind, match=text):
         await bench.motors.open()
     assert bench.world.commanded == STOP
+
+
+class StandardSerial:
+    """A board in the wrong mode: each byte turns a motor until the next; ``turned_s`` is for how long in all."""
+
+    def __init__(self) -> None:
+        self.speed, self.turned_s, self._since_s = 0, 0.0, 0.0
+
+    def receive(self, data: bytes) -> bytes:
+        if self.speed:
+            self.turned_s += now_s() - self._since_s
+        self.speed, self._since_s = data[-1], now_s()
+        return b""
+
+
+@virtual
+async def test_board_in_standard_serial_stands_after_all_that_may_be_sent_to_it() -> None:
+    buses, board = FakeBuses(), StandardSerial()
+    buses.serial("/dev/serial0").chip = board
+    motors = RoboClaw(RoboClawSettings(), buses)
+    with pytest.raises(NotResponding, match="not in packet serial mode"):
+        await motors.open()
+    assert board.speed == 0
+    assert board.turned_s < 0.16
+    await motors.stop()
+    motors.halt()
+    assert board.speed == 0
 
 
 @pytest.mark.parametrize("change", [torn, noise])

@@ -7,6 +7,9 @@ something has the CRC itself, and is acknowledged by FF.
 **What only asks may keep the motors running**: the board's timeout counts the bytes that it receives, and no source
 says that a request is not counted. So a request that comes later than the timeout after the last command to move has a
 stop right behind it. Whatever still asks while nothing drives any more, the wheels stop after twice the timeout.
+
+**A board that is set to standard serial** takes each byte as a command that turns a motor, and a zero as a stop (page
+55). So if a board that has never answered does not answer, a zero is sent behind what it was asked or told.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ A_PER_STEP = 0.01  # of a motor's current
 _CRC_BYTES = 2
 _ACKNOWLEDGED = b"\xff"
 _STOPS = 3  # as many go out at once: the first may end up in a packet that broke off
+_STANDARD_SERIAL_STOP = b"\0"
 _GAP_S = 0.011  # page 59: after more than 10 ms without a byte the board drops a packet that is not whole
 _RETRIES = 2
 _RETRY_WITHIN_S = 0.1  # after this no retry: the board is not there, or the process was suspended
@@ -69,6 +73,7 @@ class RoboClawLink:
         self._port = port
         self._address = address
         self._stops = with_crc(address, Opcode.SET_DUTIES, bytes(4)) * _STOPS
+        self._has_answered = False
         self._moves_until_s = inf  # a request after that has a stop behind it; infinite while the wheels stand
 
     async def drive(self, first: int, second: int, timeout_s: float) -> None:
@@ -96,7 +101,7 @@ class RoboClawLink:
 
     def post_stop(self) -> None:
         """Stop both motors without waiting, from any thread; it never raises."""
-        self._port.post(self._stops)
+        self._port.post(self._stops if self._has_answered else self._stops + _STANDARD_SERIAL_STOP)
 
     async def ask(self, command: int, *counts: int) -> bytes:
         """Return the data of an answer, which has one of these numbers of bytes, the smallest first.
@@ -159,7 +164,10 @@ class RoboClawLink:
 
         try:
             data = data_in(await self._port.exchange(bytes((self._address, command)), missing))
+            self._has_answered = True
         except NotResponding:
+            if not self._has_answered:
+                self._port.post(_STANDARD_SERIAL_STOP)
             if came:
                 raise self._not_understood(command, came) from None
             raise
