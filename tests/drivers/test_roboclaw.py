@@ -118,6 +118,28 @@ async def test_late_request_is_answered_truly_before_the_stop_behind_it() -> Non
 
 
 @virtual
+async def test_stop_that_is_acknowledged_after_a_newer_command_does_not_count_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = await RoboClawBench().opened()
+    line = bench.buses.serial("/dev/serial0")
+    link, exchange = link_to(line, 0x80), line.exchange
+
+    async def slow(*arguments: Any) -> bytes:
+        answer = await exchange(*arguments)
+        await asyncio.sleep(0.01)
+        return answer
+
+    monkeypatch.setattr(line, "exchange", slow)
+    await asyncio.gather(link.drive(0, 0, 0.2), link.drive(9000, 9000, 0.2))
+    bench.chip.timeout = 20
+    await asyncio.sleep(0.3)
+    assert bench.chip.levels == (9000, 9000)
+    await bench.motors.read_back()
+    assert bench.chip.levels == (0, 0)
+
+
+@virtual
 async def test_standing_rover_is_asked_without_stops() -> None:
     bench = await RoboClawBench().opened()
     await asyncio.sleep(5.0)

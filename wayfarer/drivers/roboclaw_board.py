@@ -85,9 +85,9 @@ class RoboClawLink:
         """
         if first or second:
             self._moves_until_s = asyncio.get_running_loop().time() + timeout_s
-        duties = pack(">hh", first, second)
+        duties, until_s = pack(">hh", first, second), self._moves_until_s
         await self._retry(lambda: self._send_once(Opcode.SET_DUTIES, duties))
-        if not first and not second:
+        if not first and not second and self._moves_until_s == until_s:  # no newer command was sent meanwhile
             self._moves_until_s = inf
 
     async def set_timeout(self, units: bytes) -> bool:
