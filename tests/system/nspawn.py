@@ -17,12 +17,13 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parents[2]
 VENV = Path("/opt/wayfarer")
 RESULTS = Path("/results")
+BOUND = ("wayfarer", "tests", "systemd", "examples")  # of the checkout
 BOOT_LIMIT_S = 360  # 120 s on an idle core; other tests share the cores
 
-# $1 seed: files to lay over the host's; $2 folder for mounts; the rest: nspawn's own arguments.
+# $1 seed: files to lay over the host's; $2 folder for mounts; $3 how often to boot; the rest: nspawn's own arguments.
 BOOT = f"""
 set -eu
-seed=$1 mounts=$2; shift 2
+seed=$1 mounts=$2 boots=$3; shift 3
 mount -t tmpfs -o mode=0755 tmpfs "$mounts"
 mkdir "$mounts/up" "$mounts/work" "$mounts/root"
 mount -t overlay -o "lowerdir=/,upperdir=$mounts/up,workdir=$mounts/work" overlay "$mounts/root"
@@ -33,7 +34,9 @@ cp -a "$seed/." "$root/"
 # The tests' interpreter may be in a closed home such as root's; the service's user must reach it.
 way=$root{sys.base_prefix}
 while [ "$way" != "$root" ]; do chmod o+x "$way"; way=$(dirname "$way"); done
-exec timeout --kill-after=5 {BOOT_LIMIT_S} systemd-nspawn --quiet --directory="$root" "$@"
+for boot in $(seq "$boots"); do
+  timeout --kill-after=5 {BOOT_LIMIT_S} systemd-nspawn --quiet --directory="$root" "$@"
+done
 """
 # An overlay inside of a user's container may be refused; only trying tells.
 TRIAL = """
@@ -73,8 +76,10 @@ def why_not(folder: Path) -> str | None:
     return f"no overlay can be mounted here: {tried.stderr.strip()}" if tried.returncode else None
 
 
-def boot(scenario: Path, folder: Path) -> Path:
+def boot(scenario: Path, folder: Path, boots: int = 1) -> Path:
     """Boot, run the scenario (a Python file of the checkout) as a unit, power off; return the folder of its results.
+
+    With more ``boots`` that is done again, on the same files.
 
     What the system said on its console is among them (``console.txt``), and what the scenario said (``driver.txt``,
     absent where the system did not come so far).
@@ -85,10 +90,10 @@ def boot(scenario: Path, folder: Path) -> Path:
     _sow(seed, scenario.relative_to(CHECKOUT))
     done = subprocess.run(
         in_own_mounts(
-            BOOT, seed, mounts,
+            BOOT, seed, mounts, str(boots),
             f"--bind={results}:{RESULTS}",
             f"--bind-ro={sysconfig.get_path('purelib')}:{VENV / _site_packages()}",
-            *(f"--bind-ro={CHECKOUT / each}:{VENV}/source/{each}" for each in ("wayfarer", "tests", "systemd")),
+            *(f"--bind-ro={CHECKOUT / each}:{VENV}/source/{each}" for each in BOUND),
             "--private-network", "--register=no", "--keep-unit",
             "--boot", "systemd.unit=driver.service",  # and what it needs: none of the host's own services
         ),
