@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from random import Random
 from typing import Any
 
@@ -15,7 +14,7 @@ from tests.kit.boards import RoboClawBench, now_s
 from tests.virtual import virtual
 from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.roboclaw_board import Opcode, link_to, with_crc
-from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost, WrongPart
+from wayfarer.errors import BadReading, DriverError, NotResponding, PowerLost
 from wayfarer.hal import STOP, WheelCommand
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.faults.bus import BoardFault, FailsafeOff
@@ -233,27 +232,6 @@ def torn(_: bytes, answer: bytes) -> bytes:
 
 def noise(_: bytes, answer: bytes) -> bytes:
     return bytes(byte ^ 0x11 for byte in answer)
-
-
-@pytest.mark.parametrize(
-    ("change", "kind", "text"),
-    [
-        (lambda *_: b"", NotResponding, "no answer .*nothing came.*battery off, another address or baud rate"),
-        (torn, BadReading, "asked 21, and 55 53 42 .* is no whole answer to that"),
-        (noise, WrongPart, "expected RoboClaw, got no answer of one"),
-        (lambda *_: b"hello\n\0\x12\x34", WrongPart, "expected RoboClaw, got no answer of one"),
-        (lambda *_: b"\xff" * 60, WrongPart, "expected RoboClaw, got no answer of one"),
-    ],
-)
-@virtual
-async def test_what_is_no_roboclaw_does_not_open(
-    change: Callable[[bytes, bytes], bytes], kind: type[DriverError], text: str
-) -> None:
-    bench = RoboClawBench()
-    bench.change = change
-    with pytest.raises(kind, match=text):
-        await bench.motors.open()
-    assert bench.world.commanded == STOP
 
 
 class StandardSerial:

@@ -144,7 +144,7 @@ def test_what_is_wrong_with_a_roboclaw_is_one_line_with_a_remedy(
 def test_a_roboclaw_that_acknowledges_and_does_nothing_fails_when_it_is_to_turn(
     rig: ChipRig, claw: RoboClawChip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(claw, "_drive", lambda *_: None)
+    monkeypatch.setattr(claw, "_turn", lambda *_: None)
     found = rig.look(Script(rig.world, {}).watch_the_deadman)
     assert (found.verdict, found.text[:27]) == (CheckVerdict.FAIL, "the wheels did not start; l")
 

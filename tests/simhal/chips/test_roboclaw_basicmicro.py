@@ -73,9 +73,6 @@ def test_library_drives_and_is_told_what_is_applied(line: Line, library: Any) ->
         assert library.DutyM1M2(ADDRESS, first, second)
         assert line.chip.levels == (first, second)
         assert library.ReadPWMs(ADDRESS) == (True, first, second)
-    assert library.DutyM1(ADDRESS, 100)
-    assert library.DutyM2(ADDRESS, -100)
-    assert line.chip.levels == (100, -100)
 
 
 def test_library_understands_every_answer(line: Line, library: Any) -> None:

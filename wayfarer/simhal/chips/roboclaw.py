@@ -27,8 +27,8 @@ _A_PER_STEP: Final = 0.01
 _ACKNOWLEDGED: Final = b"\xff"
 _CRC_BYTES: Final = 2
 _SET_TIMEOUT: Final = 14
-_DUTIES: Final = {32: 2, 33: 2, 34: 4}  # of M1, of M2, of both: bytes of data
-_WRITES: Final = {_SET_TIMEOUT: 1, **_DUTIES}
+_SET_DUTIES: Final = 34
+_WRITES: Final = {_SET_TIMEOUT: 1, _SET_DUTIES: 4}  # and how many bytes of data they have
 
 
 class Encoders(NamedTuple):
@@ -143,8 +143,9 @@ class RoboClawChip(MotorBoardChip):
             return b""
         self._fed_s = self._clock()
         data = packet[2:-_CRC_BYTES]
-        if command in _DUTIES:
-            self._drive(command, data)
+        if command == _SET_DUTIES:
+            first, second = unpack(">hh", data)
+            self._turn(self._fed_s, (first, second))
         elif self.keeps_timeout:
             self.timeout = data[0]
         return _ACKNOWLEDGED if self.acknowledges_one_byte or len(data) > 1 else b""
@@ -170,13 +171,3 @@ class RoboClawChip(MotorBoardChip):
         for output, load in zip((self._left, self._right), self._world.motor_load, strict=True):
             currents[output] = round(load * self._world.stall_current_a / _A_PER_STEP)
         return currents
-
-    def _drive(self, command: int, data: bytes) -> None:
-        duties, (first, second) = unpack(f">{len(data) // 2}h", data), self.levels
-        if command == 34:
-            first, second = duties
-        elif command == 32:
-            (first,) = duties
-        else:
-            (second,) = duties
-        self._turn(self._fed_s, (first, second))
