@@ -14,7 +14,8 @@ Conventions, everywhere:
 * readings are immutable, finite and in range; a driver that cannot give such a reading raises ``BadReading``.
 
 Life cycle of a driver: ``__init__`` only stores its arguments and uses no bus; ``open`` is the first to communicate
-with the part; ``close`` may be called at any time after that, also twice, or after a failed ``open``.
+with the part; ``close`` may be called at any time after that, also twice, or after a failed ``open``. ``open`` may be
+called again, as it is after a failure.
 """
 
 from __future__ import annotations
