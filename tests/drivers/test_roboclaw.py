@@ -211,8 +211,9 @@ async def test_side_whose_current_is_limited_obeys_and_another_does_not() -> Non
     await bench.motors.health()
     left, right = await bench.motors.read_back()
     assert (left, right) == pytest.approx((0.5, -4000 / 32767), abs=1e-4)
-    bench.chip.levels = (-4000, 20000)
-    assert await bench.motors.read_back() == pytest.approx((-4000 / 32767, 20000 / 32767))
+    for neither in ((-4000, 20000), (0, 0)):  # the wrong way, and a timeout that has tripped
+        bench.chip.levels = neither
+        assert await bench.motors.read_back() == pytest.approx([level / 32767 for level in neither])
 
 
 @virtual

@@ -139,6 +139,7 @@ class RoboClaw:
         Raises:
             NotResponding: no answer, or the timeout does not stay set.
             WrongPart: something else answers.
+            BadReading: a RoboClaw does, damaged or too late.
         """
         version = await self._board.identify()
         self.name = f"{self._board.where} ({version})"
@@ -198,7 +199,7 @@ class RoboClaw:
         if max(map(abs, says)) > FULL_DUTY + 1:
             raise BadReading(f"{self.name}: duties of {says} of {FULL_DUTY}")
         first, second = (
-            told if limited and told and 0.0 <= said / told <= 1.0 else said
+            told if limited and told and 0.0 < said / told <= 1.0 else said
             for said, told, limited in zip(says, self._told, self._is_limited, strict=True)
         )
         return self._levels.duties(second, first) if self._is_swapped else self._levels.duties(first, second)
