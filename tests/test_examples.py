@@ -29,7 +29,6 @@ PRINTS = {
     "anomalies_in_a_field_log": [r"s  immobilised  at +\d+\.\d deg, follow\.anomaly", r"log: complete"],
     "campaign_at_a_site": [r"^trial 0: escaped after \d+ s, helped \d", r"forest-pledge: 100 % \[\d+, 100\]"],
     "compare_two_algorithms": [r"^forest-pledge: SPL 0", r"retry-pledge: SPL 0", r"change of SPL in pairs: [+-]0\."],
-    "driver_of_your_own": [r"^b'Z'", r"b'n\\xff\\x99\\x00'", r"b'n\\x00\\x00\\x00'$"],
     "escape_handler_alone": [r"follow\.anomaly", r"back_off\.done", r"turn_away\.done", r"probe\.realigned"],
     "failsafe_under_a_planner": [r"^the planner alone: still", r"the handler drives", r"with the fail-safe: out"],
     "fault_in_a_trial": [r"^S2 by compass_stale after 0\.", r"as expected$"],

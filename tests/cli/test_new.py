@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,7 +21,7 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("kind", ["algorithm"])
+@pytest.mark.parametrize("kind", ["algorithm", "driver"])
 def test_skeleton_passes_its_own_test_with_plain_pytest(kind: str, run: Run, tmp_path: Path) -> None:
     out = succeed(run, "new", kind, "left_needle")
     assert out.startswith(
@@ -31,13 +32,19 @@ def test_skeleton_passes_its_own_test_with_plain_pytest(kind: str, run: Run, tmp
     assert done.returncode == 0, done.stdout
     for path in tmp_path.glob("*.py"):
         assert "LeftNeedle" in path.read_text()
-        assert "my_algorithm" not in path.read_text()
+        assert not re.search("my_algorithm|my_compass|MyCompass", path.read_text())
 
 
 def test_algorithm_drives_as_it_is(run: Run) -> None:
     succeed(run, "new", "algorithm", "spiral_of_mine")
     out = succeed(run, "sim", "--algorithm", "spiral_of_mine.py", "--trials", "3", "--jobs", "1")
     assert "spiral_of_mine.py 100.0" in " ".join(out.split())
+
+
+def test_driver_drives_at_bus_depth_as_it_is(run: Run) -> None:
+    command = succeed(run, "new", "driver", "needle_of_mine").splitlines()[-1].split()
+    out = succeed(run, *command[1:], "--trials", "1", "--jobs", "1")
+    assert "forest-pledge 100.0" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("there", ["spiral_of_mine.py", "test_spiral_of_mine.py"])

@@ -15,23 +15,28 @@ import wayfarer
 from wayfarer.cli.options import examples
 from wayfarer.errors import BadInput
 
-EXAMPLES = examples("wayfarer new algorithm spiral")
+EXAMPLES = examples("wayfarer new algorithm spiral", "wayfarer new driver needle")
 
 
 class Kind(StrEnum):
     """What can be begun."""
 
     algorithm = "algorithm"
+    driver = "driver"
 
 
 # The class in each skeleton, its file's name, and how it is tried.
 SKELETONS = {
     Kind.algorithm: ("MyAlgorithm", "my_algorithm", "wayfarer sim --algorithm {name}.py --trials 20"),
-}
+    Kind.driver: (
+        "MyCompass", "my_compass",
+        "wayfarer sim --rover forestrover --depth bus --set parts.compass.driver={name}.py --trials 3",
+    ),
+}  # fmt: skip
 
 
 def new(
-    kind: Annotated[Kind, typer.Argument(metavar="algorithm", help="What to begin.")],
+    kind: Annotated[Kind, typer.Argument(metavar="algorithm|driver", help="What to begin.")],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of its file, without .py.")],
 ) -> None:
     """Write NAME.py, which works as it is, and its test, into this folder; nothing is overwritten."""
