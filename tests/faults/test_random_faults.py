@@ -68,7 +68,9 @@ def test_scenario_that_broke_a_rule_once_breaks_none_any_more(path: Path) -> Non
 
 def test_every_kind_of_fault_can_be_drawn_on_some_rover() -> None:
     drawn = {place.kind for place in PLACES}
-    assert set(KINDS) - drawn == {name for name, kind in KINDS.items() if set(kind.targets) <= {"position"}}
+    of_no_shipped_rover = {"late_bytes"}  # none has a part that answers on a serial line
+    nowhere = {name for name, kind in KINDS.items() if set(kind.targets) <= {"position"}}
+    assert set(KINDS) - drawn == nowhere | of_no_shipped_rover
 
 
 @pytest.mark.parametrize(("rover", "depth"), RIGS)

@@ -23,7 +23,7 @@ from wayfarer.errors import BadInput, NotResponding, WrongPart
 from wayfarer.experiments.trial_setup import TrialSetup, TrialSpec
 from wayfarer.hal import CompassReading
 from wayfarer.simhal.buses import FakeBuses
-from wayfarer.simhal.faults.bus import AllFF, BusFault, FlippedBits, Hang, LostBytes, Nack
+from wayfarer.simhal.faults.bus import AllFF, BusFault, FlippedBits, Hang, LateBytes, LostBytes, Nack
 from wayfarer.simhal.faults.injector import Injector
 from wayfarer.simhal.faults.kinds import BEGINS_S as DEFAULT_BEGINS_S
 from wayfarer.simhal.faults.kinds import KINDS, Fault, misfit, misplaced, parse_fault, parts_of
@@ -39,6 +39,8 @@ from wayfarer.testing.scenario_run import RunRecorder
 # Driving, with all that is read every so often read several times before the fault begins.
 BEGINS_S, LASTS_S, ENDS_S = 3.0, 2.0, 5.5
 RECEIVER: dict[str, Any] = {"parts": {"position": {"driver": "gpsd"}}, "safety": {"start_delay_s": 0.0}}
+SERIAL_ROVER = "forestrover, with parts that answer on a serial line"
+ON_SERIAL_LINES = {"compass": {"driver": "bno055", "port": "/dev/ttyAMA1"}, "motors": {"driver": "roboclaw"}}
 # Parameters with which a kind does something within two seconds of driving ahead, where its defaults do not.
 PARAMS: dict[tuple[str, str], Any] = {
     ("slope", "world"): Slope(pitch_deg=10.0),
@@ -55,13 +57,16 @@ READ_AT_OPENING = {("motion", "wrong_id"), ("motors", "wrong_id")}
 
 @cache
 def with_receiver(rover: str) -> RoverConfig:
+    if rover == SERIAL_ROVER:
+        other = with_receiver("forestrover")
+        return other.model_copy(update={"name": rover, "parts": other.parts | ON_SERIAL_LINES})
     return laid_over(load_rover(rover), RECEIVER)
 
 
 def config_for(fault: Fault) -> RoverConfig:
     """Return a rover to which the fault can happen."""
     names = ("minirover", "forestrover") if fault.kind in {"battery", "undervoltage"} else ("forestrover", "minirover")
-    configs = [with_receiver(name) for name in names]
+    configs = [with_receiver(name) for name in (*names, SERIAL_ROVER)]
     if not isinstance(fault.params, BusFault):
         return configs[0]
     return next(config for config in configs if misplaced(fault, config) is None)
@@ -278,6 +283,8 @@ class Answers:
         (FlippedBits(), "(?!01 02 03 04)(.. ){3}.."),
         (LostBytes(chance=0.5), r"a port: no whole answer within 0\.05 s, only (.. ?){1,3} came"),
         (Hang(), r"a port: a transfer did not end within 0\.1 s"),
+        (LateBytes(by_s=0.03), "01 02 03 04"),
+        (LateBytes(), r"a port: no whole answer within 0\.05 s, nothing came"),
     ],
 )
 @virtual
@@ -295,6 +302,21 @@ async def test_answer_on_a_serial_line_can_fail_in_every_way(fault: BusFault, sa
     with fault.effect(place, Random(0)):
         assert re.fullmatch(says, text := await said()), text
     assert await said() == "01 02 03 04"
+
+
+@virtual
+async def test_late_answer_is_taken_for_that_to_the_next_question() -> None:
+    """As on a real line: only a checksum over question and answer tells them apart."""
+    port, loop = FaultySerial("a port"), asyncio.get_running_loop()
+    port.chip = Answers()
+    with LateBytes(by_s=0.06).effect(WiredPart("", None, SERIAL, port.chip, port.wire, port.hang), Random(0)):
+        with pytest.raises(NotResponding):
+            await port.exchange(b"\x01", lambda came: 1 - len(came))
+        assert await port.exchange(b"\x02", lambda came: 1 - len(came)) == b"\x01"
+        assert loop.time() == pytest.approx(0.06)
+        await asyncio.sleep(0.2)
+        with pytest.raises(NotResponding):
+            await port.exchange(b"\x03", lambda came: 1 - len(came))
 
 
 class FakeCompass:

@@ -19,7 +19,7 @@ from wayfarer.simhal.built_in_chips import mounted
 from wayfarer.simhal.chips.pmw3901 import BURST
 from wayfarer.simhal.chips.roboclaw import ROBOCLAW_FAULT
 from wayfarer.simhal.faults.fault_kind import FaultKind, changed, listed
-from wayfarer.simhal.faults.wires import ANSWERING, CAMERA, CHIPS, I2C, SERIAL, WiredPart
+from wayfarer.simhal.faults.wires import ANSWERING, ASKED, CAMERA, CHIPS, I2C, SERIAL, SPI, WiredPart
 
 Byte = Annotated[int, Interval(ge=0, le=255)]
 
@@ -107,7 +107,7 @@ class FlippedBits(BusFault):
 class ShiftedBlock(BusFault):
     """Answers are shifted by so many bits: clock stretching that the bus master does not understand gives such."""
 
-    fits = ANSWERING
+    fits = (I2C, SPI)
     bits: Annotated[int, Interval(ge=1, le=16)] = 8
 
     def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
@@ -187,6 +187,18 @@ class LostBytes(BusFault):
 
     def effect(self, wired: WiredPart, rng: Random) -> AbstractContextManager[None]:
         return _on_the_wire(wired, lambda data: bytes(byte for byte in data if rng.random() >= self.chance))
+
+
+@dataclass(frozen=True)
+class LateBytes(BusFault):
+    """Answers on a serial line come ``by_s`` late: if nobody waits for so long, to the next question."""
+
+    targets = ("compass", "motors")
+    fits = ASKED
+    by_s: Annotated[float, Interval(ge=0, le=10)] = 0.06
+
+    def effect(self, wired: WiredPart, _: Random) -> AbstractContextManager[None]:
+        return changed(wired.wire, late_s=self.by_s)
 
 
 class FailsafeOff(BusFault):

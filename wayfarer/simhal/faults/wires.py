@@ -93,7 +93,7 @@ class FaultyWire:
     """A chip behind a wire; speaks whichever of the three chip protocols the chip does.
 
     ``answers`` change what the chip says, ``writes`` what it hears; ``unheard`` says for each transfer whether it is
-    not acknowledged.
+    not acknowledged; ``late_s`` is how late an answer comes on a serial line.
     """
 
     def __init__(self, where: str, chip: Any = None) -> None:
@@ -101,6 +101,7 @@ class FaultyWire:
         self.answers: list[AnswerChange] = []
         self.writes: list[WriteChange] = []
         self.unheard: list[Callable[[], bool]] = []
+        self.late_s = 0.0
         self._where = where
         self._asked = b""
 
@@ -208,6 +209,7 @@ class FaultySerial(FakeSerial):
         super().__init__(name)
         self.hang = Hang(name)
         self.wire = FaultyWire(name)
+        self._coming: deque[tuple[float, bytes]] = deque()  # answers under way, and when they are here
 
     async def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -221,9 +223,18 @@ class FaultySerial(FakeSerial):
                 return self.send(data)
             return b""
 
-        answer = await self.hang.carry(ask)
+        time = asyncio.get_running_loop().time
+        while self._coming and self._coming[0][0] <= time():
+            self._coming.popleft()  # what came unasked
+        self._coming.append((time() + self.wire.late_s, await self.hang.carry(ask)))
+        answer, ends_s = b"", time() + within_s
+        while missing(answer) > 0 and self._coming and self._coming[0][0] <= ends_s:
+            due_s, came = self._coming.popleft()  # which may answer an earlier question
+            if due_s > time():
+                await asyncio.sleep(due_s - time())
+            answer += came
         if missing(answer) > 0:
-            await asyncio.sleep(within_s)
+            await asyncio.sleep(ends_s - time())
         return whole(self.name, answer, missing, within_s)
 
     def post(self, data: bytes) -> None:
@@ -276,8 +287,9 @@ class FaultyBuses(FakeBuses):
 
 
 I2C, SPI, SERIAL, CAMERA = "an I2C bus", "an SPI device", "a serial port", "a camera"
-ANSWERING = (I2C, SPI)
-CHIPS = (*ANSWERING, SERIAL)
+ASKED = ("bno055", "roboclaw", "roboclaw_wheels")  # drivers whose part answers on a serial line
+ANSWERING = (I2C, SPI, *ASKED)
+CHIPS = (I2C, SPI, SERIAL)
 
 
 @dataclass(frozen=True, slots=True)
