@@ -7,12 +7,13 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
 from tests.virtual import virtual
 from wayfarer.config.rover_file import RoverConfig, load_rover
+from wayfarer.drivers.bumper import Bumper, BumperSettings
 from wayfarer.drivers.cmps14 import CMPS14
 from wayfarer.drivers.gpio_light import GpioLight
 from wayfarer.drivers.pmw3901 import PMW3901
@@ -21,14 +22,15 @@ from wayfarer.drivers.thunderborg import ThunderBorg
 from wayfarer.errors import BadConfig, NotResponding
 from wayfarer.experiments.trial import run_trial
 from wayfarer.experiments.trial_setup import TrialSpec
-from wayfarer.hal import STOP, ContactSensor, MotionSensor, PositionReceiver, Rover, WheelCommand
+from wayfarer.hal import STOP, ContactSensor, MotionSensor, PositionReceiver, Rover, Side, WheelCommand
 from wayfarer.simhal.build_rover import build
-from wayfarer.simhal.parts import SimCompass, SimFlow, SimMotors
+from wayfarer.simhal.parts import SimBumper, SimCompass, SimFlow, SimMotors
 from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.forest import CLEARING, Forest
 from wayfarer.simhal.world.generate import generate_forest
 from wayfarer.simhal.world.physics import Depth, Physics
 from wayfarer.simhal.world.world import World
+from wayfarer.testing import ChipWiring, SimulatedChip
 
 AHEAD = WheelCommand(0.5, 0.5)
 
@@ -195,6 +197,48 @@ async def test_lights_at_a_pin_and_on_the_board_and_a_receiver_are_there() -> No
     for part in (mini.motors, mini.light):
         await part.open()
     assert isinstance(mini.motors, ThunderBorg)
+
+
+class WiredBumper(Bumper):
+    """A bumper somebody has wired to simulated pins."""
+
+    simulated_chip: ClassVar[str] = "tests.simhal.test_build_rover:SWITCHES"
+
+
+def press_what_is_touched(settings: BumperSettings, wiring: ChipWiring) -> None:
+    pins = wiring.buses.pins()
+
+    def follow() -> None:
+        touch = wiring.world.touch
+        for side, pin in settings.pins.items():
+            pins.wire(pin).level = 0.0 if touch is not None and side in touch.sides else None
+
+    pins.before_read.append(follow)
+
+
+SWITCHES = SimulatedChip(press_what_is_touched)
+
+
+@pytest.mark.parametrize("driver", ["bumper", "tests.simhal.test_build_rover:WiredBumper"])
+def test_bumper_with_a_chip_is_the_real_driver_on_pins_and_any_other_a_simulated_part(driver: str) -> None:
+    @virtual
+    async def bumps() -> set[Side]:
+        config = with_part(
+            load_rover("sim"), contact={"driver": driver, "front": 5, "left": 6, "right": 12, "rear": 13}
+        )
+        world, rover = rover_in(generate_forest(1, 0, 0), config, Depth.BUS)
+        assert await opens(rover)
+        assert rover.contact is not None
+        assert (type(rover.contact) is SimBumper) is (driver == "bumper")
+        seen: set[Side] = set()
+        for _ in range(400):
+            await rover.motors.drive(AHEAD)
+            seen |= set((await rover.contact.read()).sides)
+            await asyncio.sleep(0.05)
+        assert world.touch is not None
+        return seen
+
+    assert bumps() == {Side.LEFT}
 
 
 async def test_part_without_a_simulated_chip_is_refused_at_bus_depth_only() -> None:

@@ -73,8 +73,8 @@ def bus_depth(
 ) -> Rover:
     """Return the rover of the file with its real drivers, each over a simulated chip.
 
-    A bumper is a switch, not a chip, and a receiver speaks through a socket: both are simulated as at device depth, and
-    the bumper also feels the obstacle's bearing. A light without a chip is left out.
+    A bumper or receiver without a chip, as wayfarer's own, is simulated as at device depth: the bumper also feels the
+    obstacle's bearing. A light without a chip is left out.
     """
     wiring = ChipWiring(world, streams, clock, buses)
     world.tick_chips = wiring.tick
@@ -86,8 +86,9 @@ def bus_depth(
             lacks = f"rover '{config.name}': no simulated chip for '{driver}'; use --depth device"
             raise BadConfig(f"key 'parts.{part}.driver': {lacks}")
     rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
-    contact = SimBumper(world) if _has_bumper(config) else None
-    return replace(rover, contact=contact, position=_receiver(world, streams, config))
+    if "contact" not in on_a_bus and _has_bumper(config):
+        rover = replace(rover, contact=SimBumper(world))
+    return rover if "position" in on_a_bus else replace(rover, position=_receiver(world, streams, config))
 
 
 def missing_package(config: RoverConfig, depth: Depth) -> str | None:
@@ -105,7 +106,12 @@ def missing_package(config: RoverConfig, depth: Depth) -> str | None:
 
 def _on_a_bus(config: RoverConfig) -> dict[str, dict[str, Any]]:
     """Return the parts whose real drivers run at bus depth."""
-    return {part: table for part, table in config.parts.items() if part not in {"contact", "position"}}
+    simulated = {"contact", "position"}  # if they have no chip
+    return {
+        part: table
+        for part, table in config.parts.items()
+        if part not in simulated or chip_of(part, table)[0] is not None
+    }
 
 
 def _receiver(world: SimulatedWorld, streams: RandomStreams, config: RoverConfig) -> SimReceiver | None:
