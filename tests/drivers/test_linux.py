@@ -228,6 +228,26 @@ async def test_port_that_goes_while_its_answer_is_awaited_is_told(buses: LinuxBu
         await port.exchange(b"?\n", whole_line)
 
 
+async def test_port_that_is_gone_is_told_at_each_use_and_opened_once_it_is_back(
+    buses: LinuxBuses, tmp_path: Path
+) -> None:
+    pytest.importorskip("serial")
+    name = tmp_path / "by-id"
+    port = buses.serial(str(name), baud=9600)
+    for _ in range(2):
+        far, near = pty.openpty()
+        tty.setraw(near)
+        name.symlink_to(os.ttyname(near))
+        with Device(far, b"ok\n"):
+            assert await port.exchange(b"?\n", whole_line) == b"ok\n"
+        os.close(near)
+        os.close(far)
+        name.unlink()
+        for _ in range(2):
+            with pytest.raises(NotResponding, match=f"^{name}: (?!no whole answer)"):
+                await port.exchange(b"?\n", whole_line)
+
+
 # -- the camera through picamera2 ------------------------------------------------------------------------------------
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 FRAME_DEADLINE_S = 3.0
 CAMERA_OPEN_DEADLINE_S = 10.0  # picamera2 imports much, and libcamera first looks for all cameras
 MAIN_SIZE = (640, 480)  # lores may not exceed the main stream (picamera2)
+_INPUT_BYTES = 4096  # Linux keeps 4095 at most for a terminal
 _SPI_FILE = re.compile(r"/dev/spidev(\d{1,4})\.(\d{1,4})")  # of bus and chip select, as spidev opens it
 
 B = TypeVar("B", bound=Threaded[Any])
@@ -152,7 +153,7 @@ class SerialDevice:
 
     def forget_input(self) -> None:
         """Throw away what has come."""
-        self._port.reset_input_buffer()
+        self._port.read(_INPUT_BYTES)  # ``reset_input_buffer`` raises termios.error, which is no OSError
 
     def read(self, count: int, wait_s: float) -> bytes:
         """Return what has come, at most ``count`` bytes, as soon as there is any; a port that is gone raises."""
