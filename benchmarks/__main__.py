@@ -4,9 +4,9 @@ With ``daemon`` only those of ``wayfarer run --sim``, with ``log`` only those of
 trial costs in units that hold on any computer; with ``instructions``, how many of them a control tick, ``import
 wayfarer.cli`` and a daemon's start take; with ``soak``, whether anything grows in a simulated day full of faults; with
 ``missions``, in a thousand missions of one daemon; with ``gps``, how near dead reckoning is to the true way, before and
-after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed. ``guard`` and
-``stops`` say whether a change of the code has changed results or stops, ``size`` how much there is to read, ``mutants``
-whether the tests bite.
+after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed, with
+``witnesses``, how well each sense notices a stall. ``guard`` and ``stops`` say whether a change of the code has changed
+results or stops, ``size`` how much there is to read, ``mutants`` whether the tests bite.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable
 
-from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, missions, rover, stack
+from benchmarks import by_hand, calibration, command, daemon, detector, disk, gps, missions, rover, stack, witnesses
 from benchmarks.figures import HEADER, Figure, print_table
 from benchmarks.guard import print_guard
 from benchmarks.instructions import print_instructions
@@ -38,8 +38,11 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=24.0, help="of the soak, simulated")
     parser.add_argument("--missions", type=int, default=1000, help="in one daemon")
     parser.add_argument("--idle-s", type=float, default=1.0, help="disarmed after each mission, simulated")
-    parser.add_argument("--trials", type=int, help="of each case of the detector (60); pairs of the guard")
+    parser.add_argument(
+        "--trials", type=int, help="of each case of the detector (60); drives of the witnesses (30); pairs of the guard"
+    )
     parser.add_argument("--rover", default="sim", help="whose detector")
+    parser.add_argument("--first-seed", type=int, default=0, help="of the witnesses' drives")
     parser.add_argument("--mujoco", action="store_true", help="measure the detector on grounds of five frictions")
     parser.add_argument("--only", nargs="*", default=(), help="campaigns of the guard")
     parser.add_argument("--accept", action="store_true", help="the guard's new digests, unless a campaign is worse")
@@ -76,6 +79,11 @@ def _print_detector(asked: Namespace) -> None:
     print_table(header, detector.rows(load_rover(asked.rover), cases, asked.trials or 60))
 
 
+def _print_witnesses(asked: Namespace) -> None:
+    drives = witnesses.rows(load_rover(asked.rover), asked.trials or 30, asked.first_seed)
+    print_table(witnesses.HEADER, list(drives))
+
+
 def _figures(quick: bool) -> list[Figure]:
     return [
         *(command.campaigns(trials=50, runs=1) if quick else command.campaigns(trials=1000, runs=3)),
@@ -107,6 +115,7 @@ WHAT: dict[str, Callable[[Namespace], int | None]] = {
     "missions": lambda asked: missions.print_missions(asked.missions, asked.idle_s),
     "gps": lambda asked: print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5)),
     "detector": _print_detector,
+    "witnesses": _print_witnesses,
     "guard": lambda asked: print_guard(asked.only, asked.trials, accept=asked.accept),
     "stops": lambda _: print_stops(),
     "size": lambda _: print_size(),

@@ -19,6 +19,7 @@ from tests.kit.workshop import (
     Part,
     Position,
     Script,
+    Wheels,
     Workshop,
     assert_wheels_stopped_first,
     breaking,
@@ -92,12 +93,21 @@ async def test_run_on_the_stock_loop_is_the_same(shop: Workshop) -> None:
         ({"algorithm": "cv-pledge"}, "algorithm 'cv-pledge' needs a contact sensor, and rover 'bench' has none"),
         ({"source": "contact"}, "anomaly_source = 'contact' needs a contact sensor, and rover 'bench' has none"),
         ({"motion": None}, "anomaly_source = 'motion' needs a motion sensor, and rover 'bench' has none"),
+        ({"source": "motion+wheels"}, "anomaly_source = 'motion[+]wheels' needs a wheels sensor, and rover 'bench'"),
     ],
 )
 def test_missing_part_is_refused_before_anything_is_opened(shop: Workshop, rover: dict[str, Any], text: str) -> None:
     with pytest.raises(MissingPart, match=text):
         supervisor(shop, **rover)
     assert shop.trace == []
+
+
+@pytest.mark.parametrize("source", ["motion", "contact", "wheels", "yaw", "motion+yaw"])
+def test_motion_sensor_is_read_if_it_is_asked_or_a_bumper_is(shop: Workshop, source: str) -> None:
+    drive(shop, for_s=0.3, source=source, contact=Contact(shop, "contact"), wheels=Wheels(shop, "wheels"))
+    assert ("motion.read" in shop.done) is (not {"motion", "contact"}.isdisjoint(source.split("+")))
+    assert ("contact.read" in shop.done) is (source == "contact")
+    assert "wheels.read" in shop.done, "for the log, and to measure the way"
 
 
 @pytest.mark.parametrize("part", sorted(PARTS))

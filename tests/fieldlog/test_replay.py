@@ -43,7 +43,7 @@ from wayfarer.safety.manual import LEASE_S, ManualSample
 from wayfarer.safety.mission import PATIENCE
 from wayfarer.safety.power import DIPS, DIPS_S
 from wayfarer.safety.settings import BoardSettings
-from wayfarer.simhal.world.physics import Depth
+from wayfarer.simhal.world.physics import FIELD, Depth, Physics
 
 SIM = load_rover("sim")
 
@@ -110,6 +110,14 @@ def test_every_algorithm_agrees_also_those_that_draw_lots(tmp_path: Path, algori
     assert replay(run) == Replay(len(ticks(run)), None)
     assert len(ticks(run)) > 100
     assert summarise(RunReader(run)).episodes == ticks(run)[-1]["episodes"] > 0, "by the phases and by the algorithm"
+
+
+@pytest.mark.parametrize("source", ["wheels", "current", "wheels+current", "motion+wheels+yaw"])
+def test_rover_that_goes_by_its_wheels_agrees(tmp_path: Path, source: str) -> None:
+    rover = detecting(stall_current_a=11.0).with_anomaly_source(source)
+    run = log_trial(tmp_path / "run", 3, "retry-pledge", rover=rover, budget_m=40.0, physics=Physics(**FIELD))
+    assert any("wheels" in record for record in records(run))
+    assert replay(run) == Replay(len(ticks(run)), None)
 
 
 def test_ladder_turns_by_the_seed_that_the_log_says(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from wayfarer.hal import (
     PositionFix,
     Rover,
     WheelCommand,
+    WheelReading,
 )
 from wayfarer.safety.mission import RunEnd
 from wayfarer.safety.settings import ManualSettings, SafetySettings
@@ -116,6 +117,11 @@ class Motion(Part):
 class Contact(Part):
     async def read(self) -> ContactReading:
         return ContactReading(await self.now_s(), (), None)
+
+
+class Wheels(Part):
+    async def read(self) -> WheelReading:
+        return WheelReading(await self.now_s(), None, None)
 
 
 class Position(Part):

@@ -117,6 +117,7 @@ class Detector:
             if self._by_wheels:
                 self.odometer.update(tick.forward_m, wheels.moved, wheels.rims.since_m)
             stood = wheels.stood
+            self._motion.rolls = self._by_wheels and wheels.turns
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
         if stood:
             stood = not self._motion.moves  # who sees the ground pass is believed

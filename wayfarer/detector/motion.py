@@ -34,7 +34,8 @@ class MotionMonitor(ReadingInterval):
 
     ``moves`` is whether the newest reading shows that the rover moves. ``stride_over`` says that a rover that sees
     nothing has driven ahead for ``blind_stride_m``, and may have been stuck for all of it, or that something holds it,
-    because its heading does not answer steering.
+    because its heading does not answer steering. ``rolls`` is whether another sensor says that the wheels turn: then
+    steering is taken to be that of free ground, which a body with spinning wheels would be taken for as well.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class MotionMonitor(ReadingInterval):
         self._steering = SteeringMonitor(vehicle)
         self._zeros, self._readings = ZeroDoubt(), ReadingDoubt()
         self._blind_m = 0.0  # commanded ahead since motion was seen
-        self.moves = self.stride_over = self._lies = False
+        self.moves = self.rolls = self.stride_over = self._lies = False
         self.moved: Moved | None = None
         self._spoke_t_s = 0.0
         self._driven_t_s = self._known_t_s = 0.0
@@ -101,7 +102,7 @@ class MotionMonitor(ReadingInterval):
         self.moved = moved
         if self._measures:
             self.odometer.update(interval.forward_m, moved, self._next.way_m)
-        self._steering.update(interval, turned_deg, moves=self.moves)
+        self._steering.update(interval, turned_deg, moves=self.moves or self.rolls)
         self.stride_over = False
         if self._sightless:
             conditions.append(Condition.SLIP_UNSEEN)

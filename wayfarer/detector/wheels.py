@@ -33,7 +33,9 @@ MOST_STALLS: Final = 3.0  # stall currents; a motor that is reversed at full spe
 SHARP_SHARE: Final = 0.5
 # Rims turn that go this share of what was commanded, whatever the other witness says of them.
 TURNS_SHARE: Final = 0.5
-# Each side is judged by itself if it is driven with at least this share of the mean; the slower one counts.
+# With encoders each side that is driven with at least this share of the mean is judged by itself: the slower one
+# counts. The current does not say which way it flows: that of the inner side in a curve, which the ground drags along,
+# looks like a load. So of currents the mean counts.
 SIDE_SHARE: Final = 0.5
 # A body that turned so far on the spot has turned its wheels: an encoder that said nothing but zeros has lost its wire.
 # Far above the noise of a compass; chosen by us.
@@ -72,11 +74,7 @@ class RimWindow(ReadingInterval):
         mean_m = (left_m + right_m) / 2.0
         # Rims may go further than the body, and as the odometer they must not go further than was commanded.
         moved.see(clamp(mean_m, -way_m, way_m), 0.0, signed=True)
-        left_driven_m, right_driven_m = commanded_m + moved.led_m, commanded_m - moved.led_m
-        if commanded_m and min(left_driven_m / commanded_m, right_driven_m / commanded_m) >= SIDE_SHARE:
-            share = min(left_m / left_driven_m, right_m / right_driven_m)
-            moved.counted_m = commanded_m * min(share, 1.0)
-        self.turns = moved.counted_m * commanded_m >= TURNS_SHARE * commanded_m * commanded_m
+        self.turns = mean_m * commanded_m >= TURNS_SHARE * commanded_m * commanded_m
 
 
 class WheelMonitor:
@@ -106,6 +104,11 @@ class WheelMonitor:
         self.spoke_t_s = 0.0
         self.moved: Moved | None = None
         self.stood = False
+
+    @property
+    def turns(self) -> bool:
+        """Whether the newest reading shows that the wheels turn."""
+        return self.rims.turns or (self._drawn is not None and self._drawn.turns)
 
     def start(self, t_s: float) -> None:
         """Begin all ages now."""
@@ -165,6 +168,11 @@ class WheelMonitor:
             most_m = self._speed_max_m_s * moved.read_s
             if turned_deg < TURNED_DEG and abs(left_m) <= most_m and abs(right_m) <= most_m:  # NaN is no way
                 rims.see(moved, left_m, right_m)
+                left_driven_m, right_driven_m = moved.commanded_m + moved.led_m, moved.commanded_m - moved.led_m
+                least_m = SIDE_SHARE * moved.commanded_m * moved.commanded_m
+                if min(left_driven_m * moved.commanded_m, right_driven_m * moved.commanded_m) >= least_m > 0.0:
+                    share = min(left_m / left_driven_m, right_m / right_driven_m, 1.0)
+                    moved.counted_m = share * moved.commanded_m
         rims.stall.add(moved)
         self.stood = self._by_way and rims.stall.found
         if drawn is not None:

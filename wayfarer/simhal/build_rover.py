@@ -41,7 +41,8 @@ def build(
         BadConfig: at bus depth, a part has no simulated chip.
     """
     world.stall_current_a = config.detector.stall_current_a or world.stall_current_a
-    if not config.chassis.missing(WHEEL_KEYS) and ("wheels" in config.parts or not config.uses_motion):
+    asks = "wheels" in config.parts or not config.sources.isdisjoint({"wheels", "current"})
+    if asks and not config.chassis.missing(WHEEL_KEYS):
         world.wheeled = body_of(config.name, config.vehicle, config.chassis, "its wheels' sensor")
     if depth is Depth.BUS:
         return bus_depth(world, streams, config, clock, buses or FakeBuses())

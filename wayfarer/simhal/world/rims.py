@@ -8,7 +8,7 @@ grip. Wheels that slip, or hang in the air, spin.
 
 from __future__ import annotations
 
-from math import exp, hypot
+from math import copysign, exp
 from typing import Final
 
 from wayfarer.angles import clamp
@@ -17,13 +17,13 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.world.physics import Senses
 from wayfarer.simhal.world.wheeled_body import ROLLING_RESISTANCE, WheeledBody
 
-# On ideal ground a body goes as commanded; where it is held, its wheels have the grip of dry soil.
+# On ideal ground a body goes and turns as commanded, and its motors carry its rolling resistance and no more. Where it
+# is held, its wheels have the grip of dry soil.
 IDEAL_FRICTION: Final = 0.65
 # Of wheels that slip: half of that of mud, as in ``DetectorSettings.gain_m_s2``.
 SLIP_FRICTION: Final = 0.05
 # Of a rover whose file gives no body: stall force over weight. ForestRover's is 1.16, MiniRover's 0.54.
 PLAIN_PUSH: Final = 1.0
-PLAIN_SIDEWAYS: Final = 0.6  # of a wheel's friction in a turn, as of four wheels at the corners of a square
 
 
 class Rims:
@@ -42,16 +42,13 @@ class Rims:
     def __init__(
         self, body: WheeledBody | None, friction: float | None, senses: Senses, streams: RandomStreams
     ) -> None:
-        push, sideways = PLAIN_PUSH, PLAIN_SIDEWAYS
+        push = PLAIN_PUSH
         if body is not None:
-            a_m, b_m, radius_m = body.wheels
-            push = body.motors_n_m / radius_m / (body.weight_kg * STANDARD_GRAVITY_M_S2)
-            sideways = a_m / hypot(a_m, b_m)
+            push = body.motors_n_m / body.wheel_radius_m / (body.weight_kg * STANDARD_GRAVITY_M_S2)
         self._per_friction = 1.0 / push  # what friction takes of the stall force
         self._grip = (IDEAL_FRICTION if friction is None else friction) * self._per_friction
         self._resistance = ROLLING_RESISTANCE * self._per_friction
-        # Ideal ground takes nothing from a turn; a real one does, and that is what a motor in a turn has to carry.
-        self._turning = IDEAL_FRICTION * sideways * self._per_friction if friction is None else 0.0
+        self._is_ideal = friction is None
         scale = streams.generator("wheels.current_scale").normal(0.0, senses.current_scale_sd)
         self._scale, self._noise = exp(float(scale)), streams.normal("wheels.current", senses.current_noise_share)
         self.left_m = self.right_m = self.left_load = self.right_load = 0.0
@@ -66,15 +63,20 @@ class Rims:
     def rolled(
         self, step_s: float, left: float, right: float, full_m_s: tuple[float, float], rims_m_s: tuple[float, float]
     ) -> None:
-        """Take a step in which the rims turned so fast, as the ground under them passed."""
-        left_m_s, right_m_s = rims_m_s
-        left_share, right_share = left_m_s / full_m_s[0], right_m_s / full_m_s[1]
-        carried = self._turning * min(abs(left_share - right_share), 1.0)
-        if self._turning and (left_m_s or right_m_s):
-            carried += self._resistance
-        self._load(abs(left - left_share) + carried, abs(right - right_share) + carried)
-        self.left_m += left_m_s * step_s
-        self.right_m += right_m_s * step_s
+        """Take a step in which the ground passed so fast under the rims; where it gives too little grip they spin."""
+        left_share, right_share = rims_m_s[0] / full_m_s[0], rims_m_s[1] / full_m_s[1]
+        if self._is_ideal:
+            left_load, right_load = left - left_share, right - right_share
+            if left_share or right_share:
+                left_load += copysign(self._resistance, left_share)
+                right_load += copysign(self._resistance, right_share)
+        else:
+            left_load = clamp(left - left_share, -self._grip, self._grip)
+            right_load = clamp(right - right_share, -self._grip, self._grip)
+            left_share, right_share = left - left_load, right - right_load
+        self._load(abs(left_load), abs(right_load))
+        self.left_m += left_share * full_m_s[0] * step_s
+        self.right_m += right_share * full_m_s[1] * step_s
 
     def _load(self, left: float, right: float) -> None:
         noise, scale = self._noise, self._scale
