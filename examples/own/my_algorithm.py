@@ -1,10 +1,9 @@
 """An algorithm of your own; as it stands, it follows what it met with its right side, as a hand on a wall.
 
-    pytest test_my_algorithm.py                                        does it keep the promises of every algorithm?
-    wayfarer sim --algorithm my_algorithm.py --trials 20               does it get out of a forest?
+    pytest test_my_algorithm.py
     wayfarer sim --algorithm forest-pledge,my_algorithm.py --trials 200 --out results
-    wayfarer compare results                                           is it better than another one?
-    wayfarer run --rover my-rover.toml --algorithm my_algorithm.py     on a rover
+    wayfarer compare results
+    wayfarer run --rover my-rover.toml --algorithm my_algorithm.py
 
 It has no clock, no I/O and no other randomness than ``rng``, so the same observations give the same decisions: in a
 forest, on a rover and in a replay of its log.

@@ -1,12 +1,11 @@
 """A driver of your own; as it stands, it is of a made-up compass on I2C. Put your part's data sheet in its place.
 
-    pytest test_my_compass.py                   does it keep the promises of every compass? Does a rover drive with it?
+    pytest test_my_compass.py
     wayfarer sim --rover forestrover --depth bus --set parts.compass.driver=my_compass.py --trials 3
-    wayfarer check --rover my-rover.toml        with the real part; in the rover file: [parts.compass]
-                                                driver = "my_compass.py"
 
-Its simulated chip is in test_my_compass.py, which the rover does not need. For another kind of part, such as motors,
-change ``part``, and give the class the methods of that kind in wayfarer.hal.
+In a rover file it is [parts.compass] with driver = "my_compass.py"; then `wayfarer check` tries the real part. The
+simulated chip is in test_my_compass.py, which the rover does not need. For another kind of part, such as motors, change
+``part``, and give the class the methods of that kind in wayfarer.hal.
 """
 
 import asyncio

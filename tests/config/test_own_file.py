@@ -108,7 +108,7 @@ def test_driver_s_file_has_its_whole_path_in_a_rover_that_was_read(tmp_path: Pat
     file = written(tmp_path / "rover", "needle.py", DRIVER)
     rover = written(tmp_path / "rover", "rover.toml", ROVER)
     assert load_rover(str(rover)).parts["compass"]["driver"] == f"{file}:Needle"
-    with pytest.raises(BadConfig, match=rf"needle\.py; looked in {tmp_path}; the name"):
+    with pytest.raises(BadConfig, match=rf"needle\.py; looked in {tmp_path}$"):
         RoverConfig.model_validate({"name": "r", "vehicle": {}, "parts": {"compass": {"driver": "needle.py:Needle"}}})
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from tests.config.test_own_file import DRIVER
 from tests.daemon.conftest import Listener
 from tests.fieldlog.disks import FailingCall
 from tests.kit.logs import read_log
@@ -25,6 +26,7 @@ from tests.kit.workshop import Overriding
 from tests.logview.records import HEADER, drive, numbered, write
 from wayfarer.commissioning.checks import Check, Finding, Inspection, system
 from wayfarer.commissioning.checks.api import fail
+from wayfarer.config.registry import find_driver
 from wayfarer.config.rover_file import laid_over, load_rover
 from wayfarer.daemon.daemon import Daemon, RoverSetup, Service, serve
 from wayfarer.daemon.socket.client import ask
@@ -507,3 +509,20 @@ def test_part_that_does_not_open_is_named_and_everything_is_let_go(site: Site) -
     assert site.log()[-1]["reason"] == "failed"
     with single_daemon(site.socket):
         pass  # the socket is free again
+
+
+def test_mistake_in_a_file_of_one_s_own_ends_the_run_with_its_line(site: Site, tmp_path: Path) -> None:
+    (file := tmp_path / "needle.py").write_text(
+        DRIVER.replace("async def open(self): ...", "async def open(self): self.x")
+    )
+    make_rover, needle = site.make_rover, find_driver(str(file))
+
+    def make_own(finish: Finish) -> RoverSetup:
+        rover_setup = make_rover(finish)
+        return replace(rover_setup, rover=replace(rover_setup.rover, compass=needle(None, None)))
+
+    site.service = replace(site.service, make_rover=make_own)
+    with pytest.raises(WayfarerError, match=r"ended the run: needle\.py:12: AttributeError: 'Needle' object") as ended:
+        serve(site.service)
+    assert "\n" not in str(ended.value)
+    assert site.log()[-1]["reason"] == "failed"

@@ -78,7 +78,7 @@ def run(
     check_together(ctx, needs=(("depth", "sim"), ("seed", "sim"), ("fault", "sim"), *NEEDS))
     name = chosen_rover(rover, default="sim" if sim else None)
     loaded = load_rover(name)
-    folder = log_folder(log_dir)
+    chosen, folder = find_algorithm(algorithm, own_folder(name)), log_folder(log_dir)
     if seed is None:  # a real run draws its seed; the log's first record has it
         seed = 0 if sim else SystemRandom().randrange(2**31)
     make_rover = simulated(loaded, name, depth or "device", seed, fault or ()) if sim else _real(loaded, name, folder)
@@ -96,7 +96,7 @@ def run(
         addresses["mavlink"] = mavlink
     service = Service(
         config=loaded,
-        algorithm=find_algorithm(algorithm, own_folder(name)),
+        algorithm=chosen,
         seed=seed,
         make_rover=make_rover,
         logs=folder,

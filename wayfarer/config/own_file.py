@@ -66,9 +66,9 @@ def whole_name(kind: str, name: str, folder: Path | None = None) -> str:
         if path.endswith(".py") and _is_file(there := place.resolve() / Path(path).name):
             return f"{there}:{attribute}".removesuffix(":")
     near = near_names(Path(path).stem, [file.stem for place in places for file in sorted(place.glob("*.py"))])
-    hint = f"did you mean {' or '.join(f'{each}.py' for each in near)}?" if near else "the name of a file ends in .py"
+    hint = f"; did you mean {' or '.join(f'{each}.py' for each in near)}?" if near else ""
     looked = " and ".join(dict.fromkeys(str(place) for place in places))
-    raise BadInput(one_line(f"{kind} '{name}': no such file {Path(path).name}; looked in {looked}; {hint}"))
+    raise BadInput(one_line(f"{kind} '{name}': no such file {Path(path).name}; looked in {looked}{hint}"))
 
 
 def beside(name: str, folder: Path | None = None) -> str:
@@ -171,7 +171,11 @@ def _imported(kind: str, name: str, module_name: str) -> ModuleType:
 
 
 def _failed(kind: str, name: str, error: BaseException, path: str) -> BadInput:
-    """Return the error of a file that failed while it ran, with its last line that took part."""
+    return BadInput(f"{kind} '{name}' failed while it was loaded: {_in_file(error, path)}")
+
+
+def _in_file(error: BaseException, path: str) -> str:
+    """Return an error with the last line of a file that took part in it."""
     frames = extract_tb(error.__traceback__)
     line = next((each.lineno for each in reversed(frames) if each.filename == path), None)
     what, end = kind_and_text(error), ""
@@ -181,8 +185,13 @@ def _failed(kind: str, name: str, error: BaseException, path: str) -> BadInput:
         end = f" (raised in {Path(frames[-1].filename).name}:{frames[-1].lineno})"
     if isinstance(error, ModuleNotFoundError) and error.name:
         end = f"; install {error.name.partition('.')[0]} for {sys.executable}"
-    where = Path(path).name + (f":{line}" if line else "")
-    return BadInput(f"{kind} '{name}' failed while it was loaded: {where}: {what}{end}")
+    return f"{Path(path).name}{f':{line}' if line else ''}: {what}{end}"
+
+
+def own_mistake(error: BaseException) -> str | None:
+    """Return an error with the last line of somebody's own file that took part in it; None if none did."""
+    path = next((each.filename for each in reversed(extract_tb(error.__traceback__)) if each.filename in _LOADED), None)
+    return None if path is None else _in_file(error, path)
 
 
 # -- which files were used ---------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from wayfarer.commissioning.checks import ARMING, Check, HostEnvironment, Inspec
 from wayfarer.commissioning.checks.system import card_health
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.factory import UNCALIBRATED
-from wayfarer.config.own_file import used
+from wayfarer.config.own_file import own_mistake, used
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.modes import Mode
 from wayfarer.control.run_log import RunLog, Tee
@@ -158,7 +158,8 @@ def serve(service: Service) -> RunEnd:
     Raises:
         AlreadyRunning: another daemon serves this socket, or drives these motors.
         BadInput: the log's folder may not be written, or the socket or the record of what is driven cannot be made.
-        WayfarerError: a part did not open; the wheels were stopped. Any other error is a bug and is raised unchanged.
+        WayfarerError: a part did not open, or a file of one's own has a bug; the wheels were stopped. Any other error
+            is a bug of wayfarer and is raised unchanged.
     """
     config = service.config
     motors = None if service.simulated else config.parts.get("motors")
@@ -178,6 +179,8 @@ def serve(service: Service) -> RunEnd:
             return runner.run(run())
         except Exception as error:
             cause = first_cause(error)
+            if not isinstance(cause, WayfarerError) and (mistake := own_mistake(cause)):
+                raise WayfarerError(f"a mistake in a file of your own ended the run: {mistake}") from error
             raise (cause if isinstance(cause, WayfarerError) else error) from None
 
 
