@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import ast
 import asyncio
-import inspect
 import os
 import random
 import re
@@ -15,7 +15,6 @@ from dataclasses import replace
 from itertools import count
 from math import nan
 from pathlib import Path
-from pydoc import locate
 from random import Random
 from types import SimpleNamespace
 from typing import Any, cast
@@ -65,14 +64,28 @@ from wayfarer.testing.promises import NO_HARDWARE, Promise
 
 # -- the kit -----------------------------------------------------------------------------------------------------
 
+ROOT = Path(__file__).parents[1]
 KINDS = ("compass", "motion", "contact", "wheels", "motors", "position", "light")
 EVERY = (*part_checks.TABLE, *algorithm_checks.TABLE)
 
 
 @pytest.mark.parametrize("promise", EVERY, ids=lambda promise: promise.name)
 def test_each_promise_is_a_sentence_of_the_interface(promise: Promise) -> None:
-    said = inspect.getdoc(locate(promise.where)) or ""
-    assert " ".join(promise.sentence.split()) in " ".join(said.split())
+    assert " ".join(promise.sentence.split()) in " ".join(docstring(promise.where).split())
+
+
+def docstring(where: str) -> str:
+    """The docstring of a module, a class or a method in its source: what is compiled has none."""
+    parts = where.split(".")
+    cut = next(cut for cut in range(len(parts), 0, -1) if ROOT.joinpath(*parts[:cut]).with_suffix(".py").exists())
+    module = ast.parse(ROOT.joinpath(*parts[:cut]).with_suffix(".py").read_text(encoding="utf-8"))
+    node: Any = module
+    for name in parts[cut:]:
+        found = [each for each in node.body if getattr(each, "name", None) == name]
+        if not found:  # what hal hands on
+            return docstring(where.replace("wayfarer.hal", "wayfarer.readings"))
+        (node,) = found
+    return ast.get_docstring(node) or ""
 
 
 def test_names_of_checks_are_names() -> None:
