@@ -11,7 +11,7 @@ from my_compass import MyCompass, MyCompassSettings
 
 import wayfarer
 from wayfarer.errors import BadReading, WrongPart
-from wayfarer.testing import ChipWiring, FakeBuses, RegisterChip, SimulatedChip, check_compass
+from wayfarer.testing import Check, ChipWiring, FakeBuses, RegisterChip, SimulatedChip, checks_of
 
 FILE = Path(__file__).with_name("my_compass.py")
 
@@ -52,8 +52,12 @@ def compass(chip: RegisterChip | None) -> MyCompass:
     return MyCompass(settings, buses)
 
 
-def test_it_keeps_the_promises_of_every_compass() -> None:
-    asyncio.run(check_compass(lambda: compass(chip_with(identity=0x9C)), unreachable=lambda: compass(None)))
+PROMISES = checks_of("compass", lambda: compass(chip_with(identity=0x9C)), unreachable=lambda: compass(None))
+
+
+@pytest.mark.parametrize("check", PROMISES, ids=str)
+def test_it_keeps_each_promise_of_a_compass(check: Check) -> None:
+    asyncio.run(check.run())
 
 
 def test_it_reads_what_the_data_sheet_gives_as_an_example() -> None:

@@ -110,7 +110,12 @@ Rover = Annotated[
     rover_option(f"Name of a built-in rover, or a rover file (TOML). (default: {ROVER_FILE})"),
 ]
 AlgorithmOption = Annotated[
-    str, typer.Option(metavar="NAME", autocompletion=complete_algorithm, help="Escape algorithm; see wayfarer list.")
+    str,
+    typer.Option(
+        metavar="NAME",
+        autocompletion=complete_algorithm,
+        help="Escape algorithm; see wayfarer list. Or your own, as FILE.py:NAME.",
+    ),
 ]
 Faults = Annotated[
     list[str] | None,
