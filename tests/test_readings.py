@@ -8,6 +8,7 @@ from collections import namedtuple
 from math import inf, nan
 from typing import Any
 
+import numpy as np
 import pytest
 
 from wayfarer.escape.api import Decision, Observation, Phase
@@ -87,3 +88,18 @@ def test_numpy_makes_an_array_of_a_command_as_of_a_tuple() -> None:
     numpy = pytest.importorskip("numpy")
     assert numpy.array(WheelCommand(0.5, -0.25), numpy.float32).tolist() == [0.5, -0.25]
     assert numpy.asarray(STOP).shape == (2,)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.float16, np.int64, np.uint8, np.array])
+def test_numbers_of_numpy_are_taken_and_become_python_s_own(kind: Any) -> None:
+    one, command = kind(1), WheelCommand(kind(1), kind(1))
+    made = [
+        CompassReading(one, one, one, one, kind(1)),
+        MotionReading(one, one, one, one, np.bool_(True)),
+        WheelReading(one, one, None, one, one),
+        command,
+        Observation(one, one, one, one, (), None, one, one, one, command),
+    ]
+    numbers = [number for value in made for number in value if number not in (None, (), command)]
+    assert {type(number) for number in numbers} == {float, int, bool}
+    assert set(numbers) == {1.0}

@@ -179,6 +179,10 @@ def write_atomically(
         draft.write(content.encode() if isinstance(content, str) else content)
 
 
+# What a disk without hard links says, such as a FAT stick: vfat, exFAT, FUSE.
+_NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS)
+
+
 def write_new(path: Path, content: str) -> None:
     """Write a file that is not there yet, as text in UTF-8; whatever fails, nothing is left.
 
@@ -192,7 +196,17 @@ def write_new(path: Path, content: str) -> None:
             file.write(content.encode())
             file.flush()
             os.fsync(file.fileno())
-        os.link(draft, path)  # which replaces nothing, as a rename would
+        try:
+            os.link(draft, path)  # which replaces nothing, as a rename would
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            path.touch(exist_ok=False)  # ours from now on, and the draft may replace it
+            try:
+                draft.replace(path)
+            except BaseException:
+                path.unlink(missing_ok=True)
+                raise
     finally:
         draft.unlink(missing_ok=True)
     sync_folder(path.parent)

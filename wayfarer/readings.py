@@ -1,6 +1,7 @@
 """What each tick makes: the readings of the sensors, and the commands of the wheels; see ``hal`` for their conventions.
 
-They are used like named tuples. They are none, because the ``__new__`` of those is interpreted also in a compiled tick.
+They take any numbers, such as NumPy's, and have Python's own, also where this is not compiled. They are used like named
+tuples. They are none, because the ``__new__`` of those is interpreted also in a compiled tick.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from enum import Enum
-from typing import Any, ClassVar, Final, NamedTuple, Self
+from typing import Any, ClassVar, Final, NamedTuple, Self, SupportsFloat, SupportsInt
 
 
 class Value:
@@ -71,13 +72,13 @@ class CompassReading(Value):
     __match_args__ = ("t_s", "heading_deg", "pitch_deg", "roll_deg", "calibration")
 
     def __init__(
-        self, t_s: float, heading_deg: float, pitch_deg: float, roll_deg: float, calibration: int | None
+        self, t_s: float, heading_deg: float, pitch_deg: float, roll_deg: float, calibration: SupportsInt | None
     ) -> None:
-        self.t_s: Final = t_s
-        self.heading_deg: Final = heading_deg
-        self.pitch_deg: Final = pitch_deg
-        self.roll_deg: Final = roll_deg
-        self.calibration: Final = calibration
+        self.t_s: Final = float(t_s)
+        self.heading_deg: Final = float(heading_deg)
+        self.pitch_deg: Final = float(pitch_deg)
+        self.roll_deg: Final = float(roll_deg)
+        self.calibration: Final = None if calibration is None else int(calibration)
 
 
 class MotionReading(Value):
@@ -90,12 +91,12 @@ class MotionReading(Value):
 
     __match_args__ = ("t_s", "forward_m", "right_m", "quality", "signed")
 
-    def __init__(self, t_s: float, forward_m: float, right_m: float, quality: float, signed: bool = True) -> None:
-        self.t_s: Final = t_s
-        self.forward_m: Final = forward_m
-        self.right_m: Final = right_m
-        self.quality: Final = quality
-        self.signed: Final = signed
+    def __init__(self, t_s: float, forward_m: float, right_m: float, quality: float, signed: object = True) -> None:
+        self.t_s: Final = float(t_s)
+        self.forward_m: Final = float(forward_m)
+        self.right_m: Final = float(right_m)
+        self.quality: Final = float(quality)
+        self.signed: Final = bool(signed)
 
 
 class ContactReading(NamedTuple):
@@ -123,16 +124,16 @@ class WheelReading(Value):
     def __init__(
         self,
         t_s: float,
-        left_m: float | None,
-        right_m: float | None,
-        left_a: float | None = None,
-        right_a: float | None = None,
+        left_m: SupportsFloat | None,
+        right_m: SupportsFloat | None,
+        left_a: SupportsFloat | None = None,
+        right_a: SupportsFloat | None = None,
     ) -> None:
-        self.t_s: Final = t_s
-        self.left_m: Final = left_m
-        self.right_m: Final = right_m
-        self.left_a: Final = left_a
-        self.right_a: Final = right_a
+        self.t_s: Final = float(t_s)
+        self.left_m: Final = None if left_m is None else float(left_m)
+        self.right_m: Final = None if right_m is None else float(right_m)
+        self.left_a: Final = None if left_a is None else float(left_a)
+        self.right_a: Final = None if right_a is None else float(right_a)
 
 
 class WheelCommand(Value):
@@ -141,8 +142,8 @@ class WheelCommand(Value):
     __match_args__ = ("left", "right")
 
     def __init__(self, left: float, right: float) -> None:
-        self.left: Final = left
-        self.right: Final = right
+        self.left: Final = float(left)
+        self.right: Final = float(right)
 
 
 STOP: Final = WheelCommand(0.0, 0.0)

@@ -102,6 +102,8 @@ def check_number(where: str, key: str, value: object, hint: Any) -> float:
     Raises:
         OutOfRange: it is no number, or outside of the range that the type ``hint`` says.
     """
+    if getattr(value, "shape", None) == () and (item := getattr(value, "item", None)):
+        value = item()  # NumPy's scalars, and its arrays of no dimension
     is_number = isinstance(value, Real) and not isinstance(value, bool)
     if is_number and all(_holds(interval, value) for interval in _intervals(hint)):
         return float(value)  # type: ignore[arg-type]

@@ -187,7 +187,7 @@ def test_goal_that_is_not_finite_stands_the_wheels_too() -> None:
 
 
 @pytest.mark.parametrize(("stuck", "takes_over"), [(np.True_, True), (np.False_, False), (1, True), ((), False)])
-@pytest.mark.parametrize("number", [float, np.float32, np.float64, np.int64])
+@pytest.mark.parametrize("number", [float, np.float16, np.float32, np.float64, np.int64, np.array])
 def test_whatever_is_true_counts_and_numbers_of_numpy_are_numbers(
     stuck: Any, takes_over: bool, number: Callable[[int], Any]
 ) -> None:

@@ -52,6 +52,10 @@ def test_number_that_cannot_be_is_refused_with_its_name_and_range(who: str, key:
         ({"track_m": "wide"}, "Vehicle: track_m = 'wide': not a number; allowed is 0.1 to 5 metres"),
         ({"length_m": 600}, "Vehicle: length_m = 600: allowed is 0.1 to 5 metres; if it is in millimetres, write 0.6"),
         (
+            {"length_m": np.bool_(True)},
+            "Vehicle: length_m = True: not a number; allowed is 0.1 to 5 metres",
+        ),
+        (
             {"turn_from_duty": 1.0},
             "Vehicle: turn_from_duty = 1.0: allowed is 0 to below 1; if it is in percent, write 0.01",
         ),
@@ -63,7 +67,7 @@ def test_body_that_cannot_be_is_refused_in_these_words(given: dict[str, Any], sa
     assert str(refused.value) == said
 
 
-@pytest.mark.parametrize("kind", [np.float64, np.float32, int, np.int64, np.uint8])
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.float16, int, np.int64, np.uint8, np.array])
 def test_numbers_of_numpy_are_numbers(kind: type) -> None:
     vehicle = Vehicle(**{key: kind(2) for key in BODY})
     assert vehicle == Vehicle(2.0, 2.0, 2.0, 2.0)

@@ -44,11 +44,14 @@ def results(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
     ids=lambda arguments: " ".join(map(str, arguments[:2])),
 )  # fmt: skip
+@pytest.mark.parametrize("columns", ["80", "0", ""])
 def test_output_fits_80_columns_and_nothing_is_cut_off(
-    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[object, ...]
+    run: Run, results: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[object, ...], columns: str
 ) -> None:
+    """A width of 0, as some terminals and services have it, is none."""
     monkeypatch.chdir(results.parent)
-    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("COLUMNS", columns)
     code, out, err = run(*arguments)
     assert code == 0, err
+    assert len(out.splitlines()) > 3
     assert [line for line in out.splitlines() if len(line) > 80 or "…" in line] == []

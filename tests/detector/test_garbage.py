@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.detector.rover import FULL, PIVOT, TICK_S, Rover
-from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Side, Snapshot
+from wayfarer.hal import STOP, CompassReading, ContactReading, MotionReading, Side, Snapshot, WheelReading
 from wayfarer.safety.conditions import Condition
 
 # A second of rubbish: what the sensors may take to be silent in is over by then.
@@ -25,7 +25,8 @@ def snapshots(times: st.SearchStrategy[float]) -> st.SearchStrategy[Snapshot]:
     compass = st.builds(CompassReading, times, NUMBERS, NUMBERS, NUMBERS, st.none() | st.integers(-1, 4))
     motion = st.builds(MotionReading, times, NUMBERS, NUMBERS, NUMBERS, st.booleans())
     contact = st.builds(ContactReading, times, SIDES, st.none() | NUMBERS)
-    return st.builds(Snapshot, st.just(0.0), compass | st.none(), motion | st.none(), contact | st.none())
+    wheels = st.builds(WheelReading, times, *(st.none() | NUMBERS for _ in range(4)))
+    return st.builds(Snapshot, st.just(0.0), *(each | st.none() for each in (compass, motion, contact, wheels)))
 
 
 def at(t_s: float, said: Snapshot) -> Snapshot:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from wayfarer.errors import BadInput
-from wayfarer.files import atomic_file
+from wayfarer.files import atomic_file, write_new
 
 
 def write(path: Path, text: str = "new", *, follow_symlink: bool = False) -> None:
@@ -134,3 +136,37 @@ def test_file_for_its_owner_only_is_never_open_to_others(tmp_path: Path) -> None
     with atomic_file(path, mode=0o600) as draft:
         assert stat.S_IMODE(os.fstat(draft.fileno()).st_mode) == 0o600
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+# -- a file that is not there yet ------------------------------------------------------------------------------------
+
+
+def without_links(code: int) -> Callable[..., None]:
+    def refuse(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    return refuse
+
+
+@pytest.mark.parametrize("code", [errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_new_file_is_written_to_a_stick_without_hard_links_and_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    monkeypatch.setattr(os, "link", without_links(code))  # as vfat, exFAT and FUSE say it
+    path = tmp_path / "rover.toml"
+    write_new(path, "first")
+    with pytest.raises(FileExistsError):
+        write_new(path, "second")
+    assert path.read_text(encoding="utf-8") == "first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_new_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "link", without_links(errno.ENOSPC))
+    with pytest.raises(OSError, match="No space left"):
+        write_new(tmp_path / "rover.toml", "text")
+    monkeypatch.setattr(os, "link", without_links(errno.EPERM))
+    monkeypatch.setattr(Path, "replace", without_links(errno.EIO))
+    with pytest.raises(OSError, match="Input/output error"):
+        write_new(tmp_path / "rover.toml", "text")
+    assert list(tmp_path.iterdir()) == []

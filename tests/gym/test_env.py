@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
@@ -117,6 +117,52 @@ def test_action_of_another_shape_is_refused_and_the_episode_goes_on(env: ForestE
     with pytest.raises(InvalidAction, match="two duties"):
         env.step(np.array(action, np.float32))
     env.step(duties(AHEAD))
+
+
+@pytest.mark.parametrize("action", [("a", "b"), (0.5, 1j)])
+def test_action_that_is_no_numbers_is_refused(env: ForestEnv, action: Any) -> None:
+    env.reset(seed=1)
+    with pytest.raises(InvalidAction, match="two duties"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.int64, np.bool_, np.array])
+def test_numbers_of_numpy_are_numbers(env: ForestEnv, kind: Callable[[int], Any]) -> None:
+    env.reset(seed=int(kind(1)), options={"trial": np.int64(6)})
+    seen, *_ = env.step([kind(1), kind(0)])  # type: ignore[arg-type]
+    env.reset(options={"trial": 6})
+    other, *_ = env.step(duties(WheelCommand(1.0, 0.0)))
+    assert np.array_equal(seen, other)
+
+
+FORKED = """
+import os, sys
+from wayfarer.gym.env import ForestEnv
+env = ForestEnv()
+env.reset(options={"trial": 6})
+child = os.fork()
+if child == 0:
+    try:
+        env.step([0.5, 0.5])
+    except Exception as error:
+        print(type(error).__name__, error, flush=True)
+    env.reset(options={"trial": 7})
+    env.step([0.5, 0.5])
+    print("its own", flush=True)
+    sys.exit()
+assert os.waitpid(child, 0)[1] == 0
+env.step([0.5, 0.5])
+print("ours", flush=True)
+"""
+
+
+@pytest.mark.process
+def test_episode_is_not_shared_with_a_forked_process_which_may_begin_its_own() -> None:
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=30, check=True)
+    refused, *others = done.stdout.splitlines()
+    assert refused.startswith("ResetNeeded the episode is process ")
+    assert refused.endswith(": call reset() here, or make the environment here")
+    assert others == ["its own", "ours"]
 
 
 @pytest.mark.parametrize("trial", [-1, 1_000_000, "seven", 1.5])

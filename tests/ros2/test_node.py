@@ -27,6 +27,7 @@ class FakeNode:
         self.name = name
         self.parameters: dict[str, SimpleNamespace] = {}
         self.heard: dict[str, Callable[[Any], None]] = {}
+        self.qos: dict[str, Any] = {}
         self.sent: dict[str, list[Any]] = {}
         self.told: list[tuple[str, str]] = []
         self.now_ns = 0
@@ -37,8 +38,8 @@ class FakeNode:
     def get_parameter(self, name: str) -> SimpleNamespace:
         return self.parameters[name]
 
-    def create_subscription(self, _kind: Any, topic: str, callback: Callable[[Any], None], _qos: Any) -> None:
-        self.heard[topic] = callback
+    def create_subscription(self, _kind: Any, topic: str, callback: Callable[[Any], None], qos: Any) -> None:
+        self.heard[topic], self.qos[topic] = callback, qos
 
     def create_publisher(self, _kind: Any, topic: str, _qos: int) -> SimpleNamespace:
         return SimpleNamespace(publish=self.sent.setdefault(topic, []).append)
@@ -72,7 +73,7 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
         ClockType=SimpleNamespace(STEADY_TIME=1),
     )
     stand_in("rclpy.node", Node=FakeNode)
-    stand_in("rclpy.qos", qos_profile_sensor_data=None)
+    stand_in("rclpy.qos", qos_profile_sensor_data="best effort")
     stand_in("rclpy.signals", SignalHandlerOptions=SimpleNamespace(NO=0))
     stand_in("diagnostic_msgs.msg", DiagnosticArray=message, DiagnosticStatus=message, KeyValue=message)
     stand_in("geometry_msgs.msg", Twist=lambda: twist(0.0, 0.0), TwistStamped=type("TwistStamped", (), {}))
@@ -102,6 +103,11 @@ def test_messages_go_in_and_a_twist_and_diagnostics_come_out(node: Any) -> None:
     assert node.told[-1][0] == "error"
     assert [text for level, text in node.told if level == "info"] == ["the planner drives"]
     assert len(node.sent["/diagnostics"]) == 3, "when the planner begins, after a second, when all fell silent"
+
+
+def test_senses_are_heard_also_from_publishers_that_promise_best_effort_only(node: Any) -> None:
+    """Who asks for reliable messages hears nothing of those, and is told nothing of it."""
+    assert (node.qos["imu"], node.qos["odom"]) == ("best effort", "best effort")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

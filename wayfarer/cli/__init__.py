@@ -102,6 +102,8 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
+    if os.environ.get("COLUMNS", "").strip("0") == "":
+        os.environ.pop("COLUMNS", None)  # a width of 0, which rich takes for one; as unset it is the terminal's or 80
     try:
         return _run(arguments)
     except (BrokenPipeError, SystemExit) as gone:

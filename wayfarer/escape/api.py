@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import Enum
-from typing import Final, Protocol
+from typing import Final, Protocol, SupportsFloat
 
 from wayfarer.hal import ContactReading, WheelCommand
 from wayfarer.readings import Value
@@ -47,7 +47,7 @@ class Phase(Enum):
 
 
 class Observation(Value):
-    """What an algorithm sees in one control tick.
+    """What an algorithm sees in one control tick; it takes any numbers, such as NumPy's, and has Python's own.
 
     ``t_s`` is seconds on any clock that does not go back. Headings are degrees clockwise, 0 to 360, all from the same
     north. ``pitch_deg`` is positive with the nose up, ``roll_deg`` with the right side down.
@@ -88,20 +88,20 @@ class Observation(Value):
         contact: ContactReading | None,
         goal_heading_deg: float,
         travelled_m: float,
-        measured_m: float | None = None,
+        measured_m: SupportsFloat | None = None,
         applied: WheelCommand | None = None,
     ) -> None:
-        self.t_s: Final = t_s
-        self.heading_deg: Final = heading_deg
-        self.pitch_deg: Final = pitch_deg
-        self.roll_deg: Final = roll_deg
+        self.t_s: Final = float(t_s)
+        self.heading_deg: Final = float(heading_deg)
+        self.pitch_deg: Final = float(pitch_deg)
+        self.roll_deg: Final = float(roll_deg)
         self.anomalies: Final = anomalies
         self.contact: Final = contact
-        self.goal_heading_deg: Final = goal_heading_deg
-        self.travelled_m: Final = travelled_m
-        self.measured_m: Final = measured_m
+        self.goal_heading_deg: Final = float(goal_heading_deg)
+        self.travelled_m: Final = float(travelled_m)
+        self.measured_m: Final = None if measured_m is None else float(measured_m)
         self.applied: Final = applied
-        self.covered_m: Final = travelled_m if measured_m is None else measured_m
+        self.covered_m: Final = self.travelled_m if self.measured_m is None else self.measured_m
 
 
 class Decision(Value):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import weakref
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from contextvars import ContextVar
 from math import cos, degrees, radians, sin
+from operator import index
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
@@ -66,6 +69,7 @@ class AgentBridge:
         self._turns: SimpleQueue[Observation | Ending | BaseException] = SimpleQueue()
         self._answers: SimpleQueue[WheelCommand | None] = SimpleQueue()
         self._finish: Callable[[str, str], None]
+        self._process = os.getpid()
         self._thread = Thread(target=self._run, name="wayfarer trial", daemon=True)
         self._thread.start()
 
@@ -82,6 +86,18 @@ class AgentBridge:
             self._turns.put(turn)  # there is nobody left to answer the next call
             raise first_cause(turn)
         return turn
+
+    def check_process(self) -> None:
+        """Refuse to go on in a process that was forked from the one of the episode: there the trial has no thread.
+
+        Raises:
+            ResetNeeded: this is one.
+        """
+        if os.getpid() != self._process:
+            raise ResetNeeded(
+                f"the episode is process {self._process}'s, and this is {os.getpid()}, which was forked from it: "
+                "call reset() here, or make the environment here"
+            )
 
     def answer(self, wheels: WheelCommand) -> None:
         """Say what the wheels are to do in the tick that waits for it."""
@@ -269,6 +285,8 @@ class ForestEnv(gymnasium.Env[Array, Array]):
         self.close()
         drawn = int(self.np_random.integers(HELD_BACK, TRIALS))
         trial = (options or {}).get("trial", drawn)
+        with suppress(TypeError):
+            trial = index(trial)  # any whole number, such as NumPy's
         if not (isinstance(trial, int) and 0 <= trial < TRIALS):
             raise BadInput(f"options: trial {trial!r} is not a whole number from 0 to {TRIALS - 1}")
         forest = self._campaign.make_forest(trial)
@@ -290,14 +308,18 @@ class ForestEnv(gymnasium.Env[Array, Array]):
 
         Raises:
             InvalidAction: not two numbers.
-            ResetNeeded: the episode is over, or has not begun.
+            ResetNeeded: the episode is over, has not begun, or is that of the process that this one was forked from.
         """
         bridge = self._bridge
         if bridge is None:
             raise ResetNeeded("the episode is over, or has not begun: call reset() first")
-        if np.shape(action) != (2,):
-            raise InvalidAction(f"action {action!r} is not two duties, left and right, each from -1 to 1")
-        bridge.answer(WheelCommand(float(action[0]), float(action[1])))
+        bridge.check_process()
+        try:
+            left, right = np.asarray(action, np.float64)
+            wheels = WheelCommand(left, right)
+        except (TypeError, ValueError):
+            raise InvalidAction(f"action {action!r} is not two duties, left and right, each from -1 to 1") from None
+        bridge.answer(wheels)
         turn = bridge.wait()
         gained_m, took_s = bridge.world.y_m - self._y_m, bridge.world.t_s - self._t_s
         self._y_m, self._t_s = bridge.world.y_m, bridge.world.t_s

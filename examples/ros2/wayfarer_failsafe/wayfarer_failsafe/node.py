@@ -32,8 +32,9 @@ class FailSafeNode(Node):
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)  # a wall clock, or a simulated one, may jump
         self._told: tuple[State | None, float] = (None, 0.0)
         guard = self._guard
-        self.create_subscription(Imu, "imu", lambda m: guard.take_imu(m, self._now_s()), qos_profile_sensor_data)
-        self.create_subscription(Odometry, "odom", lambda m: guard.take_odometry(m, self._now_s()), 10)
+        heard = qos_profile_sensor_data  # best effort: it hears reliable publishers and those of their best effort
+        self.create_subscription(Imu, "imu", lambda m: guard.take_imu(m, self._now_s()), heard)
+        self.create_subscription(Odometry, "odom", lambda m: guard.take_odometry(m, self._now_s()), heard)
         self.create_subscription(self._twist, "cmd_vel_in", lambda m: guard.take_command(m, self._now_s()), 1)
         self._wheels = self.create_publisher(self._twist, "cmd_vel_out", 1)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
