@@ -80,7 +80,7 @@ async def _readings(make: Make) -> list[Any]:
     return readings
 
 
-async def _in_range(make: Make, unit: str, low: float, high: float, *names: str) -> None:
+async def _in_range(make: Make, *, unit: str, low: float, high: float, names: tuple[str, ...]) -> None:
     """Check values of readings that are not None; skip if there is none."""
     values = [
         (name, value) for each in await _readings(make) for name in names if (value := getattr(each, name)) is not None
@@ -194,41 +194,36 @@ async def _reading_is_finite(make: Make) -> None:
                 raise AssertionError(f"{name} is {value}")
 
 
-@_of("wayfarer.hal", "headings are degrees clockwise from magnetic north in [0, 360).", "compass")
-async def _heading_is_in_range(make: Make) -> None:
-    await _in_range(make, " degrees", 0.0, BELOW_360, "heading_deg")
-
-
-@_of(
-    "wayfarer.hal",
-    "pitch is positive nose up, roll is positive right side down, both in degrees in [-180, 180].",
-    "compass",
-)
-async def _tilt_is_in_range(make: Make) -> None:
-    await _in_range(make, " degrees", -180.0, 180.0, "pitch_deg", "roll_deg")
-
-
-@_of(
-    "wayfarer.hal.CompassReading",
-    "``calibration`` is 0 (not calibrated) to 3 (fully), or None if the part does not report it.",
-    "compass",
-)
-async def _calibration_is_in_range(make: Make) -> None:
-    await _in_range(make, "", 0, 3, "calibration")
-
-
-@_of("wayfarer.hal.MotionReading", "``quality`` is from 0 (nothing is known) to 1.", "motion")
-async def _quality_is_in_range(make: Make) -> None:
-    await _in_range(make, "", 0.0, 1.0, "quality")
-
-
-@_of(
-    "wayfarer.hal.MotionReading",
-    "Displacement over ground since the previous read, in the body's own frame.",
-    "motion",
-)
-async def _displacement_is_of_one_read(make: Make) -> None:
-    await _in_range(make, f" metres in {READING_GAP_S:g} s", -1.0, 1.0, "forward_m", "right_m")
+# Name, kind, where the sentence stands, the sentence; values of a reading, their unit, and their range.
+_RANGES: tuple[tuple[str, str, str, str, tuple[str, ...], str, float, float], ...] = (
+    ("heading_is_in_range", "compass", "hal", "headings are degrees clockwise from magnetic north in [0, 360).",
+        ("heading_deg",), " degrees", 0.0, BELOW_360),
+    ("tilt_is_in_range", "compass", "hal",
+        "pitch is positive nose up, roll is positive right side down, both in degrees in [-180, 180].",
+        ("pitch_deg", "roll_deg"), " degrees", -180.0, 180.0),
+    ("calibration_is_in_range", "compass", "hal.CompassReading",
+        "``calibration`` is 0 (not calibrated) to 3 (fully), or None if the part does not report it.",
+        ("calibration",), "", 0, 3),
+    ("quality_is_in_range", "motion", "hal.MotionReading", "``quality`` is from 0 (nothing is known) to 1.",
+        ("quality",), "", 0.0, 1.0),
+    ("displacement_is_of_one_read", "motion", "hal.MotionReading",
+        "Displacement over ground since the previous read, in the body's own frame.",
+        ("forward_m", "right_m"), f" metres in {READING_GAP_S:g} s", -1.0, 1.0),
+    ("bearing_is_in_range", "contact", "hal.ContactReading",
+        "``obstacle_bearing_deg`` is the compass bearing of the long axis of the obstacle, in [0, 180), or None if "
+        "that is not known (a tree, a rover that cannot sense it).",
+        ("obstacle_bearing_deg",), " degrees", 0.0, BELOW_180),
+    ("way_is_of_one_read", "wheels", "hal.WheelReading",
+        "``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead "
+        "positive; where the body went meanwhile is another matter.",
+        ("left_m", "right_m"), f" metres in {READING_GAP_S:g} s", -1.0, 1.0),
+    ("current_is_a_size", "wheels", "hal.WheelReading",
+        "``left_a`` and ``right_a`` are the size of the current of a side's motors in amperes, 0 or more.",
+        ("left_a", "right_a"), " amperes", 0.0, 1000.0),
+)  # fmt: skip
+for _name, _kind, _where, _sentence, _values, _unit, _low, _high in _RANGES:
+    _in_this_range = partial(_in_range, unit=_unit, low=_low, high=_high, names=_values)
+    _of(f"wayfarer.{_where}", _sentence, _kind, name=_name)(_in_this_range)
 
 
 @_of("wayfarer.hal.ContactReading", "``sides`` is empty when nothing does.", "contact")
@@ -236,35 +231,6 @@ async def _sides_are_a_tuple_of_sides(make: Make) -> None:
     for reading in await _readings(make):
         if not (isinstance(reading.sides, tuple) and all(isinstance(side, Side) for side in reading.sides)):
             raise AssertionError(f"sides is {reading.sides!r}, not a tuple of hal.Side: readings are immutable")
-
-
-@_of(
-    "wayfarer.hal.ContactReading",
-    "``obstacle_bearing_deg`` is the compass bearing of the long axis of the obstacle, in [0, 180), or None if that is "
-    "not known (a tree, a rover that cannot sense it).",
-    "contact",
-)
-async def _bearing_is_in_range(make: Make) -> None:
-    await _in_range(make, " degrees", 0.0, BELOW_180, "obstacle_bearing_deg")
-
-
-@_of(
-    "wayfarer.hal.WheelReading",
-    "``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead positive; "
-    "where the body went meanwhile is another matter.",
-    "wheels",
-)
-async def _way_is_of_one_read(make: Make) -> None:
-    await _in_range(make, f" metres in {READING_GAP_S:g} s", -1.0, 1.0, "left_m", "right_m")
-
-
-@_of(
-    "wayfarer.hal.WheelReading",
-    "``left_a`` and ``right_a`` are the size of the current of a side's motors in amperes, 0 or more.",
-    "wheels",
-)
-async def _current_is_a_size(make: Make) -> None:
-    await _in_range(make, " amperes", 0.0, 1000.0, "left_a", "right_a")
 
 
 @_of(
@@ -340,24 +306,10 @@ async def _halts(make: Make) -> None:
     await motors.close()
 
 
-@_of("wayfarer.hal.DriveMotors.stop", STOPS, "motors")
-async def _stops_before_open(make: Make) -> None:
-    await _stops(make)
-
-
-@_of("wayfarer.hal.DriveMotors.stop", STOPS, "motors", without_hardware=True)
-async def _stops_without_hardware(unreachable: Make) -> None:
-    await _stops(unreachable)
-
-
-@_of("wayfarer.hal.DriveMotors.halt", HALTS, "motors")
-async def _halts_before_open(make: Make) -> None:
-    await _halts(make)
-
-
-@_of("wayfarer.hal.DriveMotors.halt", HALTS, "motors", without_hardware=True)
-async def _halts_without_hardware(unreachable: Make) -> None:
-    await _halts(unreachable)
+for _where, _sentence, _attempt in (("stop", STOPS, _stops), ("halt", HALTS, _halts)):
+    _motors = partial(_of, f"wayfarer.hal.DriveMotors.{_where}", _sentence, "motors")
+    _motors(name=f"{_where}s_before_open")(_attempt)
+    _motors(name=f"{_where}s_without_hardware", without_hardware=True)(_attempt)
 
 
 @_of("wayfarer.hal.DriveMotors", "and turns no wheel.", "motors")

@@ -83,13 +83,12 @@ class Promise:
 
 
 def promised(
-    table: list[Promise], where: str, sentence: str, *kinds: str, without_hardware: bool = False
+    table: list[Promise], where: str, sentence: str, *kinds: str, name: str = "", without_hardware: bool = False
 ) -> Callable[[Try], Try]:
-    """Put what tries a promise into a table, under its own name."""
+    """Put what tries a promise into a table, under its own name if no other is given."""
 
     def put(attempt: Try) -> Try:
-        name = attempt.__name__.strip("_")
-        table.append(Promise(name, where, sentence, kinds, attempt, without_hardware))
+        table.append(Promise(name or attempt.__name__.strip("_"), where, sentence, kinds, attempt, without_hardware))
         return attempt
 
     return put
