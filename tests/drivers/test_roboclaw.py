@@ -41,10 +41,10 @@ def test_packets_are_those_that_the_makers_library_sends(command: int, data: str
 
 
 @virtual
-async def test_opening_asks_who_it_is_sets_the_timeout_reads_it_back_and_stands_still() -> None:
+async def test_opening_asks_who_it_is_stands_still_sets_the_timeout_and_reads_it_back() -> None:
     bench = RoboClawBench()
     await bench.motors.open()
-    assert bench.sent() == ["80 15", with_crc(0x80, 14, b"\x02").hex(" ").upper(), ASK_TIMEOUT, STAND]
+    assert bench.sent() == ["80 15 00", STAND, with_crc(0x80, 14, b"\x02").hex(" ").upper(), ASK_TIMEOUT]
     assert bench.chip.timeout == 2
     assert bench.motors.name == "RoboClaw 128 on /dev/serial0 (2x15a v4.1.34)"
 
@@ -78,6 +78,8 @@ async def test_firmware_that_does_not_acknowledge_the_timeout_is_opened_because_
 async def test_board_that_does_not_keep_its_timeout_does_not_open() -> None:
     bench = RoboClawBench()
     bench.chip.keeps_timeout = False
+    bench.chip.receive(with_crc(0x80, 34, bytes(3) + b"\x7f"))  # whoever told it that
+    assert bench.world.commanded != STOP
     with pytest.raises(NotResponding, match=r"its timeout does not stay at 0\.2 s: set 3 times, another is read"):
         await bench.motors.open()
     assert bench.world.commanded == STOP
@@ -136,6 +138,17 @@ async def test_stop_that_is_acknowledged_after_a_newer_command_does_not_count_fo
     assert bench.chip.levels == (9000, 9000)
     await bench.motors.read_back()
     assert bench.chip.levels == (0, 0)
+
+
+@pytest.mark.parametrize("halted_after_s", [0.0, 0.049, 0.055])
+@virtual
+async def test_command_that_was_not_acknowledged_is_not_sent_again_after_a_halt(halted_after_s: float) -> None:
+    bench = await RoboClawBench().opened()
+    bench.change = lambda asked, answer: b"" if asked[1] == Opcode.SET_DUTIES else answer
+    asyncio.get_running_loop().call_later(halted_after_s, bench.motors.halt)
+    assert await bench.motors.drive(AHEAD) == STOP
+    assert len([sent for sent in bench.sent() if sent.startswith("80 22") and not sent.startswith(STAND)]) == 1
+    assert bench.world.commanded == STOP
 
 
 @virtual
@@ -236,30 +249,22 @@ def noise(_: bytes, answer: bytes) -> bytes:
 
 
 class StandardSerial:
-    """A board in the wrong mode: each byte turns a motor until the next; ``turned_s`` is for how long in all."""
-
-    def __init__(self) -> None:
-        self.speed, self.turned_s, self._since_s = 0, 0.0, 0.0
+    """A board in the wrong mode: each byte turns a motor until the next."""
 
     def receive(self, data: bytes) -> bytes:
-        if self.speed:
-            self.turned_s += now_s() - self._since_s
-        self.speed, self._since_s = data[-1], now_s()
+        assert data.endswith(b"\0"), "it would turn until something else is sent"
         return b""
 
 
 @virtual
 async def test_board_in_standard_serial_stands_after_all_that_may_be_sent_to_it() -> None:
-    buses, board = FakeBuses(), StandardSerial()
-    buses.serial("/dev/serial0").chip = board
+    buses = FakeBuses()
+    buses.serial("/dev/serial0").chip = StandardSerial()
     motors = RoboClaw(RoboClawSettings(), buses)
     with pytest.raises(NotResponding, match="not in packet serial mode"):
         await motors.open()
-    assert board.speed == 0
-    assert board.turned_s < 0.16
     await motors.stop()
     motors.halt()
-    assert board.speed == 0
 
 
 @pytest.mark.parametrize("change", [torn, noise])

@@ -122,7 +122,6 @@ class RoboClaw:
         )
         sides = ("right", "left") if self._is_swapped else ("left", "right")
         self._outputs = {f"M{at}": f"M{at} ({side})" for at, side in enumerate(sides, 1)}
-        self._halts = 0
         self._told = (0, 0)  # M1 and M2
         self._is_limited = (False, False)
         self._power_losses = 0
@@ -134,7 +133,7 @@ class RoboClaw:
         return {"requests retried": self._board.retries, "power lost": self._power_losses}
 
     async def open(self) -> None:
-        """Find the board, set its timeout, read that back, and stop both motors.
+        """Find the board, stop both motors, set its timeout, and read that back.
 
         Raises:
             NotResponding: no answer, or the timeout does not stay set.
@@ -143,10 +142,10 @@ class RoboClaw:
         """
         version = await self._board.identify()
         self.name = f"{self._board.where} ({version})"
+        await self.drive(STOP)
         if not await self._arm():
             raise NotResponding(f"{self.name}: {self._does_not_arm()}")
         self._forgot = False
-        await self.drive(STOP)
 
     async def close(self) -> None:
         """Nothing to release; the timeout stays set."""
@@ -162,16 +161,16 @@ class RoboClaw:
             PowerLost: the board had lost its power since it was opened. Its timeout was set again.
         """
         left, right = self._levels.of(command)
-        halts, retries = self._halts, self._board.retries
+        halts, retries = self._board.halts, self._board.retries
         clock = asyncio.get_running_loop().time
         ends_s = clock() + self._timeout_s
         if left or right:
             await self._refuse_without_timeout()
-        if self._halts == halts and clock() <= ends_s:
+        if self._board.halts == halts and clock() <= ends_s:
             await self._set(left, right)
         if (left or right) and self._board.retries != retries:  # a board that was silent may have just started
             await self._refuse_without_timeout()
-        if self._halts != halts or clock() > ends_s:
+        if self._board.halts != halts or clock() > ends_s:
             await self.stop()
             return STOP
         return self._levels.duties(left, right)
@@ -185,8 +184,7 @@ class RoboClaw:
 
     def halt(self) -> None:
         """Stop both motors without waiting."""
-        self._halts += 1
-        self._board.post_stop()
+        self._board.halt()
 
     async def read_back(self) -> WheelCommand:
         """Return the duties that the board says it applies; zero once the timeout has tripped.

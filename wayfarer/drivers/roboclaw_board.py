@@ -9,7 +9,7 @@ says that a request is not counted. So a request that comes later than the timeo
 stop right behind it. Whatever still asks while nothing drives any more, the wheels stop after twice the timeout.
 
 **A board that is set to standard serial** takes each byte as a command that turns a motor, and a zero as a stop (page
-55). So if a board that has never answered does not answer, a zero is sent behind what it was asked or told.
+55). So until a board has answered once, a zero is behind all that it is asked or told.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ def with_crc(address: int, command: int, data: bytes = b"") -> bytes:
 
 
 class RoboClawLink:
-    """Requests and commands to one RoboClaw; counts its ``retries``."""
+    """Requests and commands to one RoboClaw; counts its ``retries`` and the ``halts``."""
 
     def __init__(self, port: SerialPort, address: int) -> None:
         self.where = f"RoboClaw {address} on {port.name}"
-        self.retries = 0
+        self.retries = self.halts = 0
         self._port = port
         self._address = address
         self._stops = with_crc(address, Opcode.SET_DUTIES, bytes(4)) * _STOPS
@@ -77,7 +77,7 @@ class RoboClawLink:
         self._moves_until_s = inf  # a request after that has a stop behind it; infinite while the wheels stand
 
     async def drive(self, first: int, second: int, timeout_s: float) -> None:
-        """Give both motors their duties, of ``FULL_DUTY``.
+        """Give both motors their duties, of ``FULL_DUTY``. It is not tried again after a ``halt``.
 
         Raises:
             NotResponding: not acknowledged.
@@ -85,9 +85,15 @@ class RoboClawLink:
         """
         if first or second:
             self._moves_until_s = asyncio.get_running_loop().time() + timeout_s
-        duties, until_s = pack(">hh", first, second), self._moves_until_s
-        await self._retry(lambda: self._send_once(Opcode.SET_DUTIES, duties))
-        if not first and not second and self._moves_until_s == until_s:  # no newer command was sent meanwhile
+        duties, until_s, halts = pack(">hh", first, second), self._moves_until_s, self.halts
+
+        async def send() -> None:
+            if self.halts == halts:
+                await self._send_once(Opcode.SET_DUTIES, duties)
+
+        await self._retry(send)
+        # It was sent, and no newer command meanwhile.
+        if not first and not second and (self._moves_until_s, self.halts) == (until_s, halts):
             self._moves_until_s = inf
 
     async def set_timeout(self, units: bytes) -> bool:
@@ -99,9 +105,13 @@ class RoboClawLink:
             await self._send_once(Opcode.SET_TIMEOUT, units)
         return await self.ask(Opcode.GET_TIMEOUT, 1) == units
 
-    def post_stop(self) -> None:
+    def halt(self) -> None:
         """Stop both motors without waiting, from any thread; it never raises."""
-        self._port.post(self._stops if self._has_answered else self._stops + _STANDARD_SERIAL_STOP)
+        self.halts += 1
+        self._post_stop()
+
+    def _post_stop(self) -> None:
+        self._port.post(self._for_any_mode(self._stops))
 
     async def ask(self, command: int, *counts: int) -> bytes:
         """Return the data of an answer, which has one of these numbers of bytes, the smallest first.
@@ -146,7 +156,7 @@ class RoboClawLink:
 
     async def _send_once(self, command: int, data: bytes) -> None:
         packet = with_crc(self._address, command, data)
-        answer = await self._port.exchange(packet, lambda received: 1 - len(received))
+        answer = await self._port.exchange(self._for_any_mode(packet), lambda received: 1 - len(received))
         if answer[:1] != _ACKNOWLEDGED:
             raise self._not_understood(command, answer)
 
@@ -163,19 +173,21 @@ class RoboClawLink:
             return 0 if data_in(received) is not None else max(1, least - len(received))
 
         try:
-            data = data_in(await self._port.exchange(bytes((self._address, command)), missing))
+            request = self._for_any_mode(bytes((self._address, command)))
+            data = data_in(await self._port.exchange(request, missing))
             self._has_answered = True
         except NotResponding:
-            if not self._has_answered:
-                self._port.post(_STANDARD_SERIAL_STOP)
             if came:
                 raise self._not_understood(command, came) from None
             raise
         finally:
             if asyncio.get_running_loop().time() > self._moves_until_s:
-                self.post_stop()
+                self._post_stop()
         assert data is not None
         return data
+
+    def _for_any_mode(self, packet: bytes) -> bytes:
+        return packet if self._has_answered else packet + _STANDARD_SERIAL_STOP
 
     def _is_answer(self, command: int, answer: bytes) -> bool:
         return crc_hqx(bytes((self._address, command)) + answer, 0) == 0
