@@ -294,6 +294,14 @@ def test_two_parts_at_one_serial_port_are_refused_and_the_address_of_a_part_on_a
     assert load(tmp_path, rover_toml(rest=elsewhere + I2C_MOTORS.format("0x28"))).parts
 
 
+def test_drivers_of_one_board_whose_port_has_two_speeds_are_refused(tmp_path: Path) -> None:
+    board = '[parts.motors]\ndriver = "roboclaw"\nbaud = 115200\n[parts.wheels]\ndriver = "roboclaw_wheels"\n'
+    assert complaint(tmp_path, rover_toml(rest=board)) == (
+        "key 'parts.wheels.baud' = 38400: parts.motors has 115200 on the same port"
+    )
+    assert load(tmp_path, rover_toml(rest=board + "baud = 115200\n")).parts
+
+
 def test_stopping_the_motors_reads_past_a_byte_order_mark(tmp_path: Path) -> None:
     """With its first key unread, the file's ``buses`` would be taken for the Raspberry Pi's own."""
     path = tmp_path / "rover.toml"

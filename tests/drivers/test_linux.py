@@ -228,6 +228,13 @@ async def test_port_that_goes_while_its_answer_is_awaited_is_told(buses: LinuxBu
         await port.exchange(b"?\n", whole_line)
 
 
+async def test_names_of_one_serial_port_give_the_same(buses: LinuxBuses, tmp_path: Path) -> None:
+    (by_id := tmp_path / "usb-board").symlink_to("/dev/ttyACM0")
+    port = buses.serial("/dev/ttyACM0", baud=38400)
+    assert buses.serial(str(by_id), baud=38400) is port
+    assert buses.serial("/dev/ttyACM1", baud=38400) is not port
+
+
 async def test_port_that_is_gone_is_told_at_each_use_and_opened_once_it_is_back(
     buses: LinuxBuses, tmp_path: Path
 ) -> None:

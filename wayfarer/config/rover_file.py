@@ -198,7 +198,7 @@ class RoverConfig(BaseModel):
         """Refuse a part whose driver is unknown or does not understand its settings, and two chips at one place."""
         parts = _with_whole_names(parts)
         # By serial port, or bus and address; drivers of one chip, such as a board's light, share it.
-        there: dict[tuple[str, int | None], tuple[str, object]] = {}
+        there: dict[tuple[str, int | None], tuple[str, object, object]] = {}
         for part, table in parts.items():
             driver, settings = part_settings(part, table)
             port, address = getattr(settings, "port", None), getattr(settings, "address", None)
@@ -207,12 +207,14 @@ class RoverConfig(BaseModel):
                 address = None
             elif address is None:
                 continue
-            chip = getattr(driver, "chip", driver)
-            other, of = there.setdefault((normpath(bus), address), (part, chip))
+            chip, baud = getattr(driver, "chip", driver), getattr(settings, "baud", None)
+            other, of, its_baud = there.setdefault((normpath(bus), address), (part, chip, baud))
             if of != chip and address is None:
                 raise ValueError(
                     f"key 'parts.{part}.port' = '{bus}': parts.{other} is on this port already; correct one of them"
                 )
+            if baud != its_baud and of == chip:
+                raise ValueError(f"key 'parts.{part}.baud' = {baud}: parts.{other} has {its_baud} on the same port")
             if of != chip:
                 raise ValueError(
                     f"key 'parts.{part}.address' = 0x{address:02X}: parts.{other} has this address on {bus} already; "

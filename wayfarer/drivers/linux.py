@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
+from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -49,8 +50,8 @@ class LinuxBuses:
         return self._once(name, lambda: ThreadedSPI(name, partial(SpiDevice, name, mode, speed_hz)))
 
     def serial(self, name: str, *, baud: int) -> ThreadedSerial:
-        """Return a serial port, such as ``/dev/serial0``."""
-        return self._once(name, lambda: ThreadedSerial(name, partial(SerialDevice, name, baud)))
+        """Return a serial port, such as ``/dev/serial0``; two names of one device give the same port."""
+        return self._once(realpath(name), lambda: ThreadedSerial(name, partial(SerialDevice, name, baud)))
 
     def camera(self, name: str, *, width: int, height: int, rate_hz: float, exposure_us: int | None) -> ThreadedCamera:
         """Return a camera of libcamera, by number."""
