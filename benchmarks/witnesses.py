@@ -128,8 +128,8 @@ class Drive(RunLog):
         settings = replace(config.detector, blind_stride_m=1e9)  # the end of a stride is no witness
         self._detectors = {
             name: Detector(
-                settings, config.vehicle, watches_motion="motion" in names, has_wheels=True,
-                witnesses=names - {"motion"},
+                settings, config.vehicle, watches_motion="motion" in names,
+                has_wheels=not names.isdisjoint({"wheels", "current"}), witnesses=names - {"motion"},
             )
             for name, names in ASKED.items()
         }  # fmt: skip
