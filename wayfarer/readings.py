@@ -78,7 +78,10 @@ class CompassReading(Value):
         self.heading_deg: Final = float(heading_deg)
         self.pitch_deg: Final = float(pitch_deg)
         self.roll_deg: Final = float(roll_deg)
-        self.calibration: Final = None if calibration is None else int(calibration)
+        # What is right already needs no call, which would be a tenth of the work here.
+        self.calibration: Final[int | None] = (
+            calibration if calibration is None or isinstance(calibration, int) else int(calibration)
+        )
 
 
 class MotionReading(Value):
@@ -96,7 +99,7 @@ class MotionReading(Value):
         self.forward_m: Final = float(forward_m)
         self.right_m: Final = float(right_m)
         self.quality: Final = float(quality)
-        self.signed: Final = bool(signed)
+        self.signed: Final = signed is True or (signed is not False and bool(signed))
 
 
 class ContactReading(NamedTuple):

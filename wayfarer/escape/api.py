@@ -99,7 +99,9 @@ class Observation(Value):
         self.contact: Final = contact
         self.goal_heading_deg: Final = float(goal_heading_deg)
         self.travelled_m: Final = float(travelled_m)
-        self.measured_m: Final = None if measured_m is None else float(measured_m)
+        self.measured_m: Final[float | None] = (
+            measured_m if measured_m is None or type(measured_m) is float else float(measured_m)
+        )
         self.applied: Final = applied
         self.covered_m: Final = self.travelled_m if self.measured_m is None else self.measured_m
 
