@@ -30,19 +30,22 @@ class Part:
 
 class Wheels(Part):
     part, name, deadman_s = "motors", "wheels of mine", 0.5
+    _applied = STOP
 
     async def drive(self, command: WheelCommand) -> WheelCommand:
         self._write(f"drive {command.left:.2f} {command.right:.2f}")
+        self._applied = command
         return command
 
     async def stop(self) -> None:
         self._write("stop")
+        self._applied = STOP
 
     def halt(self) -> None:
         self._write("halt")
 
     async def read_back(self) -> WheelCommand:
-        return STOP
+        return self._applied
 
     async def health(self) -> MotorHealth:
         return MotorHealth(None, ())

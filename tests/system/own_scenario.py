@@ -15,6 +15,7 @@ from typing import Any
 
 from tests.system.scenario import (
     DROP_IN,
+    POLL_S,
     RESULTS,
     ROVER_FILE,
     SERVICE,
@@ -75,10 +76,12 @@ def told() -> list[str]:
 
 def second_boot() -> dict[str, Any]:
     """Wait for the service, arm it, let it drive, stop it; then stop the motors as root."""
-    up = wait_until(lambda state: state["ActiveState"] in {"active", "failed"}, 30)
+    up = wait_until(lambda state: state["ActiveState"] in {"active", "failed"}, 60)
     seen: dict[str, Any] = {"up": up, "mode": mode(), "armed": run(WAYFARER, "arm")}
-    wait_for_mode("armed")
-    time.sleep(1)
+    wait_for_mode("armed", 30)
+    ends_s = time.monotonic() + 30
+    while told()[-1] in {"drive 0.00 0.00", "stop"} and time.monotonic() < ends_s:
+        time.sleep(POLL_S)
     before = told()
     seen["stopped"] = run("systemctl", "stop", SERVICE)
     seen |= {"state": shown(), "before": before, "after": told()[len(before) :]}

@@ -23,7 +23,7 @@ def test_rover_of_one_s_own_comes_up_at_boot_is_armed_and_stops(tmp_path: Path) 
 
     assert (seen["up"]["ActiveState"], seen["mode"]) == ("active", "disarmed")
     assert seen["armed"]["code"] == 0, seen["armed"]
-    assert seen["before"][-1].startswith("drive 0."), "it drives"
+    assert seen["before"][-1].startswith("drive 0.7"), "it drives ahead: 1 m/s of 1.4"
 
     assert seen["stopped"]["code"] == 0
     assert (seen["state"]["ActiveState"], seen["state"]["Result"]) == ("inactive", "success")
