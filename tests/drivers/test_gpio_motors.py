@@ -149,6 +149,41 @@ async def test_change_of_direction_passes_through_zero(pins: dict[str, Any], bef
 
 @each_scheme
 @virtual
+async def test_halt_between_any_two_pins_of_a_command_wins(pins: dict[str, Any]) -> None:
+    for number in pins.values():
+        buses, settings = FakeBuses(), GpioMotorsSettings(**pins)
+        motors, board = GpioMotors(settings, buses), on_a_board(settings, buses, steady_world(), lambda: 0.0)
+        await motors.open()
+        for command in (WheelCommand(0.5, 0.5), WheelCommand(-0.5, -0.5)):
+            changes: list[float | None] = []
+            wire = buses.pins().wire(number)
+
+            def halt_once(motors=motors, changes=changes, wire=wire) -> None:  # type: ignore[no-untyped-def]
+                changes.append(wire.level)
+                if len(changes) == 1:
+                    motors.halt()
+
+            wire.listeners.append(halt_once)
+            applied = await motors.drive(command)
+            wire.listeners.remove(halt_once)
+            assert not changes or (applied, board.levels) == (STOP, (0, 0))
+
+
+@each_scheme
+@virtual
+async def test_no_side_has_power_while_the_pins_are_released(pins: dict[str, Any]) -> None:
+    buses, settings, levels = FakeBuses(), GpioMotorsSettings(**pins), []
+    motors, board = GpioMotors(settings, buses), on_a_board(settings, buses, steady_world(), lambda: 0.0)
+    await motors.open()
+    await motors.drive(WheelCommand(0.5, -0.5))
+    for wire in map(buses.pins().wire, pins.values()):
+        wire.listeners.append(lambda wire=wire: levels.append(board.levels) if wire.level is None else None)  # type: ignore[misc]
+    await motors.close()
+    assert set(levels) == {(0, 0)}
+
+
+@each_scheme
+@virtual
 async def test_wheels_that_nobody_commands_turn_on_unless_a_monostable_is_there(pins: dict[str, Any]) -> None:
     """The process has died or hangs, and the kernel keeps the level of its pins."""
     time, turned = asyncio.get_running_loop().time, {}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.kit.boards import RoboClawBench, now_s
+from tests.kit.boards import RoboClawBench, now_s, stall
 from tests.virtual import virtual
 from wayfarer.drivers.roboclaw import RoboClaw, RoboClawSettings
 from wayfarer.drivers.roboclaw_board import Opcode, link_to, with_crc
@@ -22,6 +22,12 @@ from wayfarer.simhal.faults.wires import SERIAL, FaultyWire, Hang, WiredPart
 
 AHEAD = WheelCommand(0.5, 0.5)
 ASK_TIMEOUT, STAND = "80 0F", "80 22 00 00 00 00 98 17"
+
+
+def moves(bench: RoboClawBench) -> list[str]:
+    """The commands to move that were sent."""
+    return [sent for sent in bench.sent() if sent.startswith("80 22") and not sent.startswith(STAND)]
+
 
 # -- what goes over the wire -------------------------------------------------------------------------------------------
 
@@ -147,8 +153,71 @@ async def test_command_that_was_not_acknowledged_is_not_sent_again_after_a_halt(
     bench.change = lambda asked, answer: b"" if asked[1] == Opcode.SET_DUTIES else answer
     asyncio.get_running_loop().call_later(halted_after_s, bench.motors.halt)
     assert await bench.motors.drive(AHEAD) == STOP
-    assert len([sent for sent in bench.sent() if sent.startswith("80 22") and not sent.startswith(STAND)]) == 1
+    assert len(moves(bench)) == 1
     assert bench.world.commanded == STOP
+
+
+@pytest.mark.parametrize("amid", [Opcode.GET_TIMEOUT, Opcode.SET_DUTIES])
+@pytest.mark.parametrize("is_halted", [True, False])
+@virtual
+async def test_after_a_halt_or_a_suspension_amid_a_command_the_wheels_stand(amid: Opcode, is_halted: bool) -> None:
+    bench = await RoboClawBench().opened()
+
+    def change(asked: bytes, answer: bytes) -> bytes:
+        if asked[1] == amid:
+            bench.change = lambda _, answer: answer
+            if is_halted:
+                bench.motors.halt()
+            else:
+                stall(1.0)
+        return answer
+
+    bench.change = change
+    assert await bench.motors.drive(AHEAD) == STOP
+    assert bench.world.commanded == STOP
+    assert len(moves(bench)) == (amid is Opcode.SET_DUTIES)
+
+
+@virtual
+async def test_command_during_which_the_process_was_suspended_is_not_sent_again() -> None:
+    bench = await RoboClawBench().opened()
+
+    def lost(data: bytes) -> bool:
+        if is_move := data[1] == Opcode.SET_DUTIES:
+            stall(1.0)
+        return is_move
+
+    bench.lost = lost
+    with pytest.raises(NotResponding):
+        await bench.motors.drive(AHEAD)
+    assert len(moves(bench)) == 1
+
+
+@virtual
+async def test_board_that_has_just_started_and_takes_the_second_try_is_stopped() -> None:
+    bench = await RoboClawBench().opened()
+
+    def lost(data: bytes) -> bool:
+        if is_move := data[1] == Opcode.SET_DUTIES:
+            bench.chip.power_cycle()
+            bench.lost = lambda _: False
+        return is_move
+
+    bench.lost = lost
+    with pytest.raises(PowerLost):
+        await bench.motors.drive(AHEAD)
+    assert len(moves(bench)) == 2
+    assert bench.chip.levels == (0, 0)
+
+
+@virtual
+async def test_stop_that_is_not_acknowledged_is_posted_behind() -> None:
+    bench = await RoboClawBench().opened()
+    await bench.motors.drive(AHEAD)
+    bench.chip.timeout = 20
+    bench.lost = lambda data: data == bytes.fromhex(STAND)
+    await bench.motors.stop()
+    assert bench.chip.levels == (0, 0)
 
 
 @virtual
@@ -168,7 +237,7 @@ async def test_board_that_lost_its_power_gets_no_command_to_move_before_it_is_op
     for _ in range(2):
         with pytest.raises(PowerLost):
             await bench.motors.drive(AHEAD)
-    assert not any(sent.startswith("80 22") and sent != STAND for sent in bench.sent())
+    assert moves(bench) == []
     assert bench.chip.timeout == 2
     assert bench.world.commanded == STOP
     assert bench.motors.error_counts["power lost"] == 1
@@ -290,6 +359,15 @@ async def test_answer_to_something_else_is_no_reading() -> None:
         with pytest.raises(DriverError):
             await use()
     assert bench.world.commanded == STOP
+
+
+@given(answer=st.binary(max_size=4).filter(lambda answer: answer[:1] != b"\xff"))
+@virtual
+async def test_nothing_but_ff_acknowledges_a_command(answer: bytes) -> None:
+    bench = await RoboClawBench().opened()
+    bench.change = lambda asked, said: answer if asked[1] == Opcode.SET_DUTIES else said
+    with pytest.raises((NotResponding, BadReading)):
+        await bench.motors.drive(AHEAD)
 
 
 @given(answer=st.binary(max_size=12))
