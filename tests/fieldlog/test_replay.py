@@ -269,6 +269,17 @@ def test_code_that_a_log_names_is_imported_only_if_a_person_allows_it(run: Path)
     assert "antigravity" not in sys.modules
 
 
+def test_file_that_a_log_names_for_a_built_in_algorithm_is_not_executed(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "evil.py").write_text("raise SystemExit('executed')", encoding="utf-8")
+
+    def name_a_file(record: dict[str, Any]) -> dict[str, Any]:
+        file = {"path": str(tmp_path / "evil.py"), "blake2b": ""}
+        return record | {"files": {record["algorithm"]: file}} if record["record"] == "run" else record
+
+    rewrite(run, name_a_file)
+    assert replay(run).difference is None
+
+
 def test_algorithm_of_a_module_is_replayed_if_a_person_allows_it(run: Path) -> None:
     named = {"algorithm": "wayfarer.escape.catalogue:BUILT_IN"}
     rewrite(run, lambda record: record | named if record["record"] == "run" else record)

@@ -231,13 +231,17 @@ def _set_buses(settings: dict[str, Any]) -> None:
     settings["set"]["buses"] = "antigravity:x"
 
 
-@pytest.mark.parametrize("change", [_driver, _buses, _set_buses])
+def _file(settings: dict[str, Any]) -> None:
+    settings["files"] = {"forest-pledge": {"path": "antigravity", "blake2b": ""}}
+
+
+@pytest.mark.parametrize("change", [_driver, _buses, _set_buses, _file])
 def test_code_that_a_folder_names_is_imported_only_if_a_person_allows_it(
     folder: Path, change: Callable[[dict[str, Any]], object]
 ) -> None:
     """``antigravity`` opens a browser when it is imported; a folder of somebody else may name any module."""
     edit_settings(folder, change)
-    with pytest.raises(BadInput, match="names code to run, 'antigravity:x'"):
+    with pytest.raises(BadInput, match="names code to run, 'antigravity:"):
         Results.open(folder).rebuild()
     assert "antigravity" not in sys.modules
 

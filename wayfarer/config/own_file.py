@@ -213,8 +213,8 @@ def used(whole_names: Mapping[str, str]) -> dict[str, OwnFile]:
 
 
 def as_used(name: str, files: Mapping[str, OwnFile]) -> str:
-    """Return the whole name of what a name stood for when ``files`` were used."""
-    return f"{files[name].path}:{split(name)[1]}".removesuffix(":") if name in files else name
+    """Return the whole name of what a file's name stood for when ``files`` were used; another name unchanged."""
+    return f"{files[name].path}:{split(name)[1]}".removesuffix(":") if names_file(name) and name in files else name
 
 
 def check_same(files: Iterable[OwnFile]) -> None:

@@ -189,7 +189,8 @@ def rebuild(campaign: Campaign, folder: Path, *, allow_code: bool = False) -> Ca
     rover = _read(folder / SETTINGS, dict)["rover"]  # with keys that this version lacks
     if not allow_code:
         values = (value for value in campaign.set.values() if isinstance(value, str))
-        refuse_code(*campaign.algorithms, *_names(rover), *values)
+        files = (f"{file.path}:" for file in campaign.files.values())  # a trial executes each
+        refuse_code(*campaign.algorithms, *_names(rover), *values, *files)
     try:
         checked = RoverConfig.model_validate_json(json.dumps(rover), strict=True)
     except ValidationError:
