@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import pickle
+import re
 import sys
 from collections.abc import Iterator
 from hashlib import blake2b
@@ -12,10 +14,25 @@ from pathlib import Path
 import pytest
 
 import wayfarer
-from wayfarer.config.own_file import as_used, check_same, forget_changed, names_file, split, used, whole_name
+from wayfarer.commissioning.checks import CheckVerdict, HostEnvironment, check
+from wayfarer.config.calibration_file import Calibration, FlowEntry
+from wayfarer.config.factory import assemble
+from wayfarer.config.own_file import (
+    OwnMistake,
+    as_used,
+    check_same,
+    forget_changed,
+    names_file,
+    split,
+    used,
+    whole_name,
+)
 from wayfarer.config.registry import find_algorithm, find_driver
 from wayfarer.config.rover_file import RoverConfig, load_rover
 from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.experiments.checks import check_rover
+from wayfarer.simhal.buses import FakeBuses
+from wayfarer.simhal.world.physics import Depth
 
 HANDLER = """
 from __future__ import annotations
@@ -51,6 +68,13 @@ class Needle:
     async def open(self): ...
     async def read(self): ...
     async def close(self): ...
+"""
+
+
+NO_CHIP = """
+from wayfarer.testing import SimulatedChip
+Needle.simulated_chip = "needle.py:CHIP"
+CHIP = SimulatedChip(lambda settings, wiring: None)
 """
 
 
@@ -301,6 +325,67 @@ def test_worker_that_has_an_earlier_version_of_a_file_loads_the_one_that_is_aske
     check_same([now])
     with pytest.raises(BadInput, match="is not the file that the campaign began with"):
         check_same([earlier])
+
+
+OWN_CHIP = """
+from wayfarer.testing import SimulatedChip
+CHIP = SimulatedChip(lambda settings, wiring: wiring.nothing)
+"""
+
+
+@pytest.mark.parametrize(
+    ("driver", "said"),
+    [
+        (DRIVER.replace("buses): ...", "buses): buses.i2cc"), r"of 'parts.compass' failed while it was made: needle"),
+        (DRIVER + "Needle.simulated_chip = 'needle.py:CHIP'\n" + OWN_CHIP, "^the simulated chip of driver '"),
+    ],
+    ids=["driver", "chip"],
+)
+def test_mistake_in_what_is_made_for_bus_depth_is_told_in_a_line_with_its_own(
+    tmp_path: Path, driver: str, said: str
+) -> None:
+    file = written(tmp_path, "needle.py", driver + ("" if "CHIP" in driver else NO_CHIP))
+    config = load_rover("forestrover").model_copy(deep=True)
+    config.parts["compass"] = {"driver": str(file)}
+    with pytest.raises(OwnMistake, match=rf"{said}.*\.py:\d+: AttributeError: .*; correct that and run it again$"):
+        check_rover(config, Depth.BUS, "forestrover")
+
+
+def test_checks_go_on_if_a_driver_of_one_s_own_cannot_be_made_or_breaks(tmp_path: Path) -> None:
+    broken = DRIVER.replace("buses): ...", "buses): buses.i2cc")
+    unopened = DRIVER.replace("async def open(self): ...", "async def open(self): self.x")
+    for text, said in ((broken, r"failed while it was made: needle\.py:11: Attr"), (unopened, r"^needle\.py:12: Attr")):
+        file = written(tmp_path, "needle.py", text)
+        forget_changed()
+        config = load_rover("forestrover").model_copy(deep=True)
+        config.parts["compass"] = {"driver": str(file)}
+        rover = assemble(config, FakeBuses(), Calibration(flow=None), checking=True)
+        host = HostEnvironment(tmp_path, tmp_path / "none", (), 0.0, tmp_path)
+        findings = {each.name: each for each in asyncio.run(check(config, rover, host, Calibration(), None))}
+        assert findings["compass"].verdict is CheckVerdict.FAIL
+        assert re.search(said, findings["compass"].text)
+        assert findings["compass"].remedy == "correct that and run it again"
+        assert "motion" in findings
+    with pytest.raises(OwnMistake):
+        written(tmp_path, "needle.py", broken)
+        forget_changed()
+        assemble(config, FakeBuses())
+
+
+@pytest.mark.parametrize("part", ["motors", "motion"])
+def test_checks_take_what_stands_for_any_part_that_cannot_be_made(tmp_path: Path, part: str) -> None:
+    text = DRIVER.replace("buses): ...", "buses): buses.i2cc").replace('"compass"', f'"{part}"')
+    methods = ("drive", "halt", "health", "read_back", "stop")
+    file = written(tmp_path, "needle.py", text + "".join(f"    def {each}(self): ...\n" for each in methods))
+    config = load_rover("forestrover").model_copy(deep=True)
+    config.parts[part] = {"driver": str(file)}
+    rover = assemble(
+        config, FakeBuses(), Calibration(flow=FlowEntry(t_wall=0.0, date="", part="x", scale=1.25)), checking=True
+    )
+    host = HostEnvironment(tmp_path, tmp_path / "none", (), 0.0, tmp_path)
+    findings = asyncio.run(check(config, rover, host, Calibration(), None))
+    assert any(each.text.startswith(f"driver '{file}' of 'parts.{part}' failed while it was made") for each in findings)
+    assert not any("an error in a driver or in wayfarer itself" in each.text for each in findings)
 
 
 # -- where it is used --------------------------------------------------------------------------------------------------

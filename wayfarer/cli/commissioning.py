@@ -119,7 +119,7 @@ def _at_the_rover(
     known = load(host.calibration_file)
 
     async def run() -> T:
-        buses, parts = connect(loaded, where, known if calibrated else UNCALIBRATED)
+        buses, parts = connect(loaded, where, known if calibrated else UNCALIBRATED, checking=calibrated)
         try:
             return await work(loaded, parts, host, known)
         finally:

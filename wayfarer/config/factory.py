@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.messages import located
+from wayfarer.config.own_file import OwnMistake, blaming
 from wayfarer.config.registry import make_buses
 from wayfarer.config.rover_file import RoverConfig, part_settings
-from wayfarer.errors import BadConfig, BadInput
+from wayfarer.errors import BadConfig, BadInput, DriverError
 from wayfarer.hal import MotionReading, MotionSensor, Rover, error_counts_of
 
 if TYPE_CHECKING:
@@ -20,32 +21,43 @@ NEEDED = ("compass", "motors")
 UNCALIBRATED = Calibration()
 
 
-def connect(config: RoverConfig, where: str, calibration: Calibration = UNCALIBRATED) -> tuple[Buses, Rover]:
+def connect(
+    config: RoverConfig, where: str, calibration: Calibration = UNCALIBRATED, *, checking: bool = False
+) -> tuple[Buses, Rover]:
     """Return the buses that a rover file names and the rover on them.
 
     Args:
         config: the rover.
         where: its file, or the name of a shipped one.
         calibration: what calibrating it has found out.
+        checking: a part whose driver cannot be made does not open, so that the others can be checked.
 
     Raises:
         BadConfig: its buses cannot be made, or it lacks a part; the text names file and key.
+        OwnMistake: a driver of one's own failed while it was made.
     """
     try:
         buses: Buses = make_buses(config.buses)
     except BadInput as error:
         raise BadConfig(located(where, f"key 'buses': {error}")) from None
     try:
-        return buses, assemble(config, buses, calibration)
+        return buses, assemble(config, buses, calibration, checking=checking)
     except BadConfig as error:
         raise BadConfig(located(where, str(error))) from None
 
 
-def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCALIBRATED) -> Rover:
+def assemble(
+    config: RoverConfig,
+    buses: Buses,
+    calibration: Calibration = UNCALIBRATED,
+    *,
+    checking: bool = False,
+) -> Rover:
     """Return the rover that a file describes, on these buses, with what calibrating it has found out.
 
     Raises:
         BadConfig: the file names no compass or no motors.
+        OwnMistake: as ``connect``.
     """
     for part in NEEDED:
         if part not in config.parts:
@@ -53,16 +65,42 @@ def assemble(config: RoverConfig, buses: Buses, calibration: Calibration = UNCAL
                 f"key 'parts.{part}' is missing: rover '{config.name}' has no [parts.{part}] and can only be simulated "
                 "(wayfarer run --sim); for a real rover name its parts, as in forestrover.toml"
             )
-    rover = Rover(**{part: make_part(part, table, buses) for part, table in config.parts.items()})
-    if calibration.flow is not None and rover.motion is not None:
+    rover = Rover(**{part: make_part(part, table, buses, checking) for part, table in config.parts.items()})
+    if calibration.flow is not None and not isinstance(rover.motion, UnmadePart | None):
         rover = replace(rover, motion=_scaled(config.parts["motion"], rover.motion, buses, calibration.flow.scale))
     return rover
 
 
-def make_part(part: str, table: dict[str, Any], buses: Buses) -> Any:
-    """Return the driver of one part, from its table in a rover file."""
+def make_part(part: str, table: dict[str, Any], buses: Buses, checking: bool) -> Any:
+    """Return the driver of one part, from its table in a rover file; while checking, what stands for an unmade one."""
     driver, settings = part_settings(part, table)
-    return driver(settings, buses)
+    try:
+        with blaming(f"driver '{table['driver']}' of 'parts.{part}' failed while it was made"):
+            return driver(settings, buses)
+    except OwnMistake as mistake:
+        if checking:
+            return UnmadePart(part, mistake)
+        raise
+
+
+class UnmadePart:
+    """Stands for a part whose driver failed while it was made: it does not open, and the checks say why."""
+
+    def __init__(self, part: str, mistake: OwnMistake) -> None:
+        self.name, self.deadman_s, self._what = part, None, mistake.what
+
+    async def open(self) -> None:
+        """Say what failed.
+
+        Raises:
+            DriverError: always.
+        """
+        raise DriverError(self._what, "correct that and run it again")
+
+    async def close(self) -> None:
+        """There is nothing to close."""
+
+    stop = close
 
 
 def _scaled(table: dict[str, Any], sensor: MotionSensor, buses: Buses, scale: float) -> MotionSensor:

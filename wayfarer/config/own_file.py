@@ -12,8 +12,8 @@ import os
 import stat
 import sys
 import threading
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from hashlib import blake2b
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -21,7 +21,7 @@ from traceback import extract_tb
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from wayfarer.errors import BadInput, kind_and_text, near_names, one_line
+from wayfarer.errors import BadInput, WayfarerError, kind_and_text, near_names, one_line
 from wayfarer.files import read_regular
 
 MOST_BYTES = 10_000_000  # chosen by us: a thousand times a long one
@@ -192,6 +192,27 @@ def own_mistake(error: BaseException) -> str | None:
     """Return an error with the last line of somebody's own file that took part in it; None if none did."""
     path = next((each.filename for each in reversed(extract_tb(error.__traceback__)) if each.filename in _LOADED), None)
     return None if path is None else _in_file(error, path)
+
+
+class OwnMistake(BadInput):
+    """Somebody's own code failed while something was made of it; ``what`` is what happened, without the remedy."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what}; correct that and run it again")
+        self.what = what
+
+
+@contextmanager
+def blaming(what: str) -> Iterator[None]:
+    """Raise ``OwnMistake``, which begins with ``what``, if a mistake in a file of one's own raises in this block."""
+    try:
+        yield
+    except WayfarerError:
+        raise
+    except Exception as error:
+        if mistake := own_mistake(error):
+            raise OwnMistake(f"{what}: {mistake}") from error
+        raise
 
 
 # -- which files were used ---------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from inspect import getfile
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from wayfarer.config.own_file import whole_name
+from wayfarer.config.own_file import blaming, whole_name
 from wayfarer.config.registry import BUILT_IN_DRIVERS, installed_points, load_path
 from wayfarer.config.rover_file import part_settings
 from wayfarer.errors import BadInput
@@ -87,7 +87,8 @@ class ChipWiring:
         chip, settings = chip_of(part, table)
         if chip is None:
             return False
-        chip.attach(settings, self)
+        with blaming(f"the simulated chip of driver '{driver_name(table)}' of 'parts.{part}' failed while it was made"):
+            chip.attach(settings, self)
         return True
 
 

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from wayfarer.config.calibration_file import Calibration, calibration_file
+from wayfarer.config.own_file import own_mistake
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.errors import DriverError, kind_and_text
 from wayfarer.fieldlog.clock import wall_clock
@@ -182,6 +183,8 @@ async def _run(check: Check, inspection: Inspection) -> Finding:
         return await check(inspection)
     except Exception as error:  # a third party's driver; arming must be refused, not the daemon ended
         name = getattr(check, "__name__", "check").replace("_", " ")
+        if mistake := own_mistake(error):
+            return fail(name, mistake, "correct that and run it again")
         return fail(
             name, f"{kind_and_text(error)}: an error in a driver or in wayfarer itself", "report it with this text"
         )
