@@ -26,6 +26,14 @@ def make(root: Path, *devices: str) -> None:
         (root / device.lstrip("/")).touch()
 
 
+@pytest.mark.parametrize(("settings", "device"), [({"port": "/dev/ttyAMA3"}, "/dev/ttyAMA3"), ({}, "/dev/i2c-1")])
+def test_part_that_can_be_on_either_line_needs_only_the_one_that_it_is_on(
+    settings: dict[str, str], device: str
+) -> None:
+    table = {"driver": "bno055", **settings}
+    assert device_files(load_rover("sim").model_copy(update={"parts": {"compass": table}})) == (device,)
+
+
 def test_buses_of_a_third_party_have_no_device_files(tmp_path: Path) -> None:
     other_buses = load_rover("forestrover").model_copy(update={"buses": "my.adapter:buses"})
     refuse_missing_ports(other_buses, "forestrover", host(tmp_path))

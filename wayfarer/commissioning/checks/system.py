@@ -119,14 +119,18 @@ def refuse_missing_ports(config: RoverConfig, where: str, host: HostEnvironment)
 
 
 def _ports(config: RoverConfig) -> Iterator[tuple[str, str]]:
-    """Give each device file and the key that names it; only buses of Linux have device files."""
+    """Give each device file and the key that names it; only buses of Linux have device files.
+
+    Of a part that can be on either, ``bus`` does not count if it has a ``port``.
+    """
     if config.buses != "linux":
         return
     for part, table in config.parts.items():
         _, settings = part_settings(part, table)
+        unused = "bus" if getattr(settings, "port", "") else None
         for field in fields(settings):
             value = getattr(settings, field.name)
-            if isinstance(value, str) and value.startswith("/dev/"):
+            if isinstance(value, str) and value.startswith("/dev/") and field.name != unused:
                 yield f"parts.{part}.{field.name}", value
 
 
