@@ -24,6 +24,7 @@ import pytest
 from tests.kit.motors import Motors
 from tests.simhal.clearing import steady_world
 from tests.virtual import run_virtually
+from wayfarer import testing
 from wayfarer.config.rover_file import load_rover
 from wayfarer.errors import DriverError, NotResponding
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
@@ -67,6 +68,11 @@ from wayfarer.testing.promises import NO_HARDWARE, Promise
 ROOT = Path(__file__).parents[1]
 KINDS = ("compass", "motion", "contact", "wheels", "motors", "position", "light")
 EVERY = (*part_checks.TABLE, *algorithm_checks.TABLE)
+
+
+def test_every_public_name_is_there_and_shown() -> None:
+    assert set(testing.__all__) <= set(dir(testing))
+    assert all(getattr(testing, name) for name in testing.__all__)
 
 
 @pytest.mark.parametrize("promise", EVERY, ids=lambda promise: promise.name)

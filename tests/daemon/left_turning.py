@@ -26,7 +26,7 @@ class Bench:
         self.by_i2c, self.by_serial = steady_world(), steady_world()
         thunderborg, sabertooth = ThunderBorgChip(self.by_i2c, self.clock), SabertoothChip(self.by_serial, self.clock)
         self.buses.i2c("/dev/i2c-1").attach(0x15, thunderborg)
-        self.buses.serial("/dev/serial0").chip = sabertooth
+        self.buses.serial("/dev/serial0").attach(sabertooth)
         for letter in (8, 11):
             thunderborg.write(bytes((letter, 242)))
         sabertooth.receive(bytes.fromhex("80 00 7F 7F 80 04 7F 03"))

@@ -125,7 +125,9 @@ def test_rover_file_is_found_in_the_working_folder_and_without_a_suffix(
 def test_shipped_rover_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wayfarer.daemon.stop_motors.make_buses", lambda name: bench.buses)
     port = tomllib.loads((SHIPPED / "forestrover.toml").read_text(encoding="utf-8"))["parts"]["motors"]["port"]
-    bench.buses.serial(port).chip = bench.buses.serial("/dev/serial0").chip
+    chip = bench.buses.serial("/dev/serial0").chip
+    assert chip is not None
+    bench.buses.serial(port).attach(chip)
     assert "Sabertooth" in stop_motors("forestrover")
     assert "ThunderBorg" in stop_motors("minirover")
     assert (bench.by_i2c.commanded, bench.by_serial.commanded) == (STILL, STILL)

@@ -160,7 +160,9 @@ def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A serial port, with the Sabertooth at it."""
     ends = os.openpty()
     name = os.ttyname(ends[1])
-    bench.buses.serial(name).chip = bench.buses.serial("/dev/serial0").chip
+    chip = bench.buses.serial("/dev/serial0").chip
+    assert chip is not None
+    bench.buses.serial(name).attach(chip)
     monkeypatch.setattr("wayfarer.daemon.stop_motors.make_buses", lambda _: bench.buses)
     yield name
     for end in ends:

@@ -55,7 +55,7 @@ class Bench:
         self.chip = Troubled(self.sense, now_s)
         buses = FakeBuses()
         if line == UART:
-            buses.serial(line).chip = self.chip
+            buses.serial(line).attach(self.chip)
         else:
             buses.i2c(given.bus).attach(given.address, self.chip)
         self.compass = BNO055(given, buses)
@@ -357,7 +357,7 @@ async def test_console_on_the_port_is_told_from_a_part() -> None:
             return b"raspberrypi login: "
 
     buses = FakeBuses()
-    buses.serial(UART).chip = Console()
+    buses.serial(UART).attach(Console())
     with pytest.raises(BadReading, match=r"it answered 72 61 73 .*, which no BNO055 says; .*console"):
         await BNO055(BNO055Settings(port=UART), buses).open()
 

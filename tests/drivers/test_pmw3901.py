@@ -80,7 +80,8 @@ class Stopped(PMW3901Chip):
 def flow_over(chip: SPIChip | None, settings: PMW3901Settings | None = None) -> PMW3901:
     """Return the driver over a bus with that chip, or with none."""
     buses, settings = FakeBuses(), settings or PMW3901Settings()
-    buses.spi(settings.bus).chip = chip
+    if chip is not None:
+        buses.spi(settings.bus).attach(chip)
     return PMW3901(settings, buses)
 
 
@@ -120,7 +121,7 @@ async def test_ground_at_the_speed_limit_is_never_garbage_however_late_bus_and_l
 
     buses = FakeBuses()
     bus = buses._spi["/dev/spidev0.1"] = LateBus("/dev/spidev0.1")
-    bus.chip = AtLimit(NORMAL)
+    bus.attach(AtLimit(NORMAL))
     flow = PMW3901(PMW3901Settings(), buses)
     await flow.open()
     for pause_s, bus.before_s, bus.after_s in reads:

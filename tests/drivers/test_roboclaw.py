@@ -328,7 +328,7 @@ class StandardSerial:
 @virtual
 async def test_board_in_standard_serial_stands_after_all_that_may_be_sent_to_it() -> None:
     buses = FakeBuses()
-    buses.serial("/dev/serial0").chip = StandardSerial()
+    buses.serial("/dev/serial0").attach(StandardSerial())
     motors = RoboClaw(RoboClawSettings(), buses)
     with pytest.raises(NotResponding, match="not in packet serial mode"):
         await motors.open()
@@ -376,6 +376,6 @@ async def test_no_answer_without_the_right_crc_is_taken(answer: bytes) -> None:
     buses = FakeBuses()
     bench = RoboClawBench()
     bench.change = lambda *_: answer
-    buses.serial("/dev/serial0").chip = bench
+    buses.serial("/dev/serial0").attach(bench)
     with pytest.raises((NotResponding, BadReading)):
         await link_to(buses.serial("/dev/serial0"), 0x80).ask(Opcode.GET_STATUS, 2, 4)

@@ -121,7 +121,7 @@ class Wheels(FakeBuses):
 
     def serial(self, name: str, *, baud: int = 9600) -> FakeSerial:
         port = super().serial(name, baud=baud)
-        port.chip = self
+        port.attach(self)
         return port
 
     def receive(self, _data: bytes) -> bytes:

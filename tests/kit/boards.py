@@ -134,7 +134,7 @@ class SabertoothBench(MotorBench):
         self.chip = SabertoothChip(self.world, now_s, address=given.address, autobaud=old_board, **self.wiring)
         self.lost: set[int] = set()
         self.line = self.buses._serial[given.port] = SerialLine(given.port)
-        self.line.chip = self
+        self.line.attach(self)
         self.motors = Sabertooth(given, self.buses)
 
     def receive(self, data: bytes) -> bytes:
@@ -164,7 +164,7 @@ class RoboClawBench(MotorBench):
         self.chip = RoboClawChip(self.world, now_s, address=given.address, **firmware or {}, **self.wiring)
         self.change: Callable[[bytes, bytes], bytes] = lambda _, answer: answer
         self.lost: Callable[[bytes], bool] = lambda _: False
-        self.buses.serial(given.port).chip = self
+        self.buses.serial(given.port).attach(self)
         self.motors = RoboClaw(given, self.buses)
 
     def receive(self, data: bytes) -> bytes:

@@ -245,7 +245,7 @@ class ChipRig(Rig):
 
     def drive_by_sabertooth(self, settings: SabertoothSettings) -> None:
         """Use the Sabertooth."""
-        self.buses.serial(settings.port).chip = self.sabertooth
+        self.buses.serial(settings.port).attach(self.sabertooth)
         self.drive_by(Sabertooth(settings, self.buses))
 
 

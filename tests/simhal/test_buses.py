@@ -69,9 +69,16 @@ async def test_nobody_at_an_address_does_not_answer() -> None:
 
 async def test_pieces_go_to_the_chip_one_by_one() -> None:
     device, chip = FakeSPI("spi"), Echo()
-    device.chip = chip
+    device.attach(chip)
     assert await device.transfer(b"\x01\x02", b"\x03") == (b"\x02\x01", b"\x03")
     assert chip.got == [b"\x01\x02", b"\x03"]
+
+
+@pytest.mark.parametrize("line", [FakeSPI("/dev/spidev0.1"), FakeSerial("/dev/serial0")])
+def test_a_second_chip_on_one_line_is_a_mistake_of_the_rig(line: FakeSPI | FakeSerial) -> None:
+    line.attach(Echo())
+    with pytest.raises(ChipMisuse, match=f"{line.name}: two chips"):
+        line.attach(Echo())
 
 
 async def test_spi_line_without_a_chip_floats_high() -> None:
@@ -81,7 +88,8 @@ async def test_spi_line_without_a_chip_floats_high() -> None:
 async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing() -> None:
     port = FakeSerial("serial")
     await port.write(b"\x80")
-    port.chip = chip = Echo()
+    chip = Echo()
+    port.attach(chip)
     await port.write(b"\x81")
     port.post(b"\x82")
     assert chip.got == [b"\x81", b"\x82"]
@@ -92,7 +100,7 @@ async def test_answer_of_a_chip_comes_at_once_and_one_that_is_not_whole_is_waite
     port, loop = FakeSerial("serial"), asyncio.get_running_loop()
     with pytest.raises(NotResponding, match=r"serial: no whole answer within 0\.05 s, nothing came"):
         await port.exchange(b"\x80", lambda came: 2 - len(came))
-    port.chip = Echo()
+    port.attach(Echo())
     assert await port.exchange(b"\x80\x81", lambda came: 2 - len(came)) == b"\x81\x80"
     assert loop.time() == pytest.approx(0.05)
     with pytest.raises(NotResponding, match=r"within 0\.02 s, only 80 came"):

@@ -57,7 +57,7 @@ class MountedCompass(HeadingSensorModel):
 def _attach_bno055(settings: BNO055Settings, wiring: ChipWiring) -> None:
     chip = BNO055Chip(MountedCompass(wiring.world, wiring.streams, settings), wiring.sense_clock)
     if settings.port:
-        wiring.buses.serial(settings.port).chip = chip
+        wiring.buses.serial(settings.port).attach(chip)
     else:
         wiring.buses.i2c(settings.bus).attach(settings.address, chip)
 
@@ -81,7 +81,7 @@ def _attach_cmps14(settings: CMPS14Settings, wiring: ChipWiring) -> None:
 
 def _attach_pmw3901(settings: PMW3901Settings, wiring: ChipWiring) -> None:
     sense = FlowSensorModel(wiring.world, wiring.streams, settings.m_per_count)
-    wiring.buses.spi(settings.bus).chip = PMW3901Chip(sense, wiring.sense_clock, mounting=mounted(settings))
+    wiring.buses.spi(settings.bus).attach(PMW3901Chip(sense, wiring.sense_clock, mounting=mounted(settings)))
 
 
 def _attach_camera(settings: CameraMotionSettings, wiring: ChipWiring) -> None:
@@ -99,7 +99,7 @@ def _attach_sabertooth(settings: SabertoothSettings, wiring: ChipWiring) -> None
     motors = {**_motors(settings, sabertooth.FULL_LEVEL), "left": settings.left, "autobaud": settings.autobaud}
     chip = SabertoothChip(wiring.world, wiring.clock, address=settings.address, **motors)
     wiring.boards.append(chip)
-    wiring.buses.serial(settings.port).chip = chip
+    wiring.buses.serial(settings.port).attach(chip)
 
 
 def _attach_roboclaw(settings: RoboClawSettings, wiring: ChipWiring) -> None:
@@ -108,16 +108,17 @@ def _attach_roboclaw(settings: RoboClawSettings, wiring: ChipWiring) -> None:
     wiring.boards.append(chip)
     line = wiring.buses.serial(settings.port)
     if isinstance(line.chip, RoboClawChip):  # of its wheels, which came first
-        chip.encoders = line.chip.encoders
-    line.chip = chip
+        chip.encoders, line.chip = line.chip.encoders, None
+    line.attach(chip)
 
 
 def _attach_roboclaw_wheels(settings: RoboClawWheelsSettings, wiring: ChipWiring) -> None:
     line = wiring.buses.serial(settings.port)
-    if not isinstance(line.chip, RoboClawChip):
-        line.chip = RoboClawChip(wiring.world, wiring.clock, address=settings.address)
+    chip = line.chip
+    if not isinstance(chip, RoboClawChip):
+        line.attach(chip := RoboClawChip(wiring.world, wiring.clock, address=settings.address))
     if settings.counts_per_m is not None:
-        line.chip.encoders = Encoders(1.0 / settings.counts_per_m, settings.left == 2, *_signs(settings))
+        chip.encoders = Encoders(1.0 / settings.counts_per_m, settings.left == 2, *_signs(settings))
 
 
 def _attach_encoders(settings: EncodersSettings, wiring: ChipWiring) -> None:

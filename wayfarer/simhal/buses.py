@@ -97,6 +97,12 @@ class FakeSPI:
         self.name = name
         self.chip: SPIChip | None = None
 
+    def attach(self, chip: SPIChip) -> None:
+        """Put the chip there."""
+        if self.chip is not None:
+            raise ChipMisuse(f"{self.name}: two chips on one SPI device")
+        self.chip = chip
+
     async def transfer(self, *pieces: bytes) -> tuple[bytes, ...]:
         """Exchange pieces with the chip; without one the line floats high."""
         if self.chip is None:
@@ -110,6 +116,12 @@ class FakeSerial:
     def __init__(self, name: str) -> None:
         self.name = name
         self.chip: SerialChip | None = None
+
+    def attach(self, chip: SerialChip) -> None:
+        """Put the chip there."""
+        if self.chip is not None:
+            raise ChipMisuse(f"{self.name}: two chips on one serial line")
+        self.chip = chip
 
     async def write(self, data: bytes) -> None:
         """Send bytes to the devices on the line."""

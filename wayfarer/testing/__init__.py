@@ -27,7 +27,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from wayfarer.config.registry import algorithm_of
-from wayfarer.simhal.buses import ChipMisuse, FakeBuses
+from wayfarer.simhal.buses import ChipMisuse, FakeBuses, I2CChip, SerialChip, SPIChip
 from wayfarer.simhal.pins import FakePin, FakePins
 from wayfarer.simhal.register_chip import RegisterChip
 from wayfarer.testing import algorithm_checks, part_checks
@@ -44,7 +44,7 @@ from wayfarer.testing.part_checks import (
 from wayfarer.testing.promises import Check, Report, checks_in
 
 if TYPE_CHECKING:
-    from wayfarer.simhal.chip_wiring import ChipWiring, SimulatedChip
+    from wayfarer.simhal.chip_wiring import ChipWiring, MotorBoard, SimulatedChip
 
 __all__ = [
     "Check",
@@ -53,8 +53,12 @@ __all__ = [
     "FakeBuses",
     "FakePin",
     "FakePins",
+    "I2CChip",
+    "MotorBoard",
     "RegisterChip",
     "Report",
+    "SPIChip",
+    "SerialChip",
     "SimulatedChip",
     "check_algorithm",
     "check_compass",
@@ -85,8 +89,12 @@ def checks_of(
 
 def __getattr__(name: str) -> Any:
     """Import what a test of an algorithm or a driver does not need: the simulated world, and numpy with it."""
-    if name in {"ChipWiring", "SimulatedChip"}:
+    if name in {"ChipWiring", "MotorBoard", "SimulatedChip"}:
         from wayfarer.simhal import chip_wiring
 
         return getattr(chip_wiring, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), "ChipWiring", "MotorBoard", "SimulatedChip"]

@@ -92,7 +92,7 @@ def test_real_parts_answer_their_checks_and_a_fault_of_the_last_mission_is_found
 def claw(rig: ChipRig) -> RoboClawChip:
     """The board that the rig drives by."""
     chip = RoboClawChip(rig.world, now_s)
-    rig.buses.serial("/dev/serial0").chip = chip
+    rig.buses.serial("/dev/serial0").attach(chip)
     rig.drive_by(RoboClaw(RoboClawSettings(), rig.buses))
     return chip
 
@@ -215,7 +215,7 @@ def test_bno055_that_is_absent_another_frozen_garbled_or_slow_is_one_line_with_i
     if chip is not None:
         there = chip(HeadingSensorModel(rig.world, RandomStreams(0)), now_s)
         if port:
-            rig.buses.serial(port).chip = there
+            rig.buses.serial(port).attach(there)
         else:
             rig.buses.i2c("/dev/i2c-1").attach(0x28, there)
     rig.rover = Rover(BNO055(BNO055Settings(port=port), rig.buses), rig.rover.motors)

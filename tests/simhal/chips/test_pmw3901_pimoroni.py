@@ -60,7 +60,7 @@ async def test_peer_and_driver_write_the_same_but_for_what_is_known(peer: Peer) 
     chip = peer.chip()
     peer.open(chip)
     buses, driven = FakeBuses(), PMW3901Chip(Driven(), asyncio.get_running_loop().time)
-    buses.spi("/dev/spidev0.1").chip = driven
+    buses.spi("/dev/spidev0.1").attach(driven)
     await PMW3901(PMW3901Settings(), buses).open()
     theirs, ours = chip.writes, list(driven.writes)
     assert ours[0] == (0x7F, 0x00)  # a bank that an earlier opening left; they have no such write

@@ -85,7 +85,7 @@ async def test_both_send_the_same_bytes_for_every_percent(monkeypatch: pytest.Mo
     bench = Bench(monkeypatch, address)
     ours: list[bytes] = []
     buses = FakeBuses()
-    buses.serial("/dev/serial0").chip = SimpleNamespace(receive=ours.append)
+    buses.serial("/dev/serial0").attach(SimpleNamespace(receive=ours.append))
     motors = Sabertooth(SabertoothSettings(address=address), buses)
 
     await motors.open()

@@ -290,7 +290,7 @@ class Answers:
 @virtual
 async def test_answer_on_a_serial_line_can_fail_in_every_way(fault: BusFault, says: str) -> None:
     port = FaultySerial("a port")
-    port.chip = Answers()
+    port.attach(Answers())
     place = WiredPart("", None, SERIAL, port.chip, port.wire, port.hang)
 
     async def said() -> str:
@@ -308,7 +308,7 @@ async def test_answer_on_a_serial_line_can_fail_in_every_way(fault: BusFault, sa
 async def test_late_answer_is_taken_for_that_to_the_next_question() -> None:
     """As on a real line: only a checksum over question and answer tells them apart."""
     port, loop = FaultySerial("a port"), asyncio.get_running_loop()
-    port.chip = Answers()
+    port.attach(Answers())
     with LateBytes(by_s=0.06).effect(WiredPart("", None, SERIAL, port.chip, port.wire, port.hang), Random(0)):
         with pytest.raises(NotResponding):
             await port.exchange(b"\x01", lambda came: 1 - len(came))
