@@ -224,6 +224,17 @@ def test_file_that_is_not_there_is_told_with_the_folders_and_near_names(tmp_path
     )
 
 
+@pytest.mark.parametrize(
+    "name", ["\0/x.py", "x\0.py", "x" * 300 + "/x.py", "circle/x.py", "circle.py", "/.py", "x.py/y.py"]
+)
+def test_what_no_file_can_be_called_is_not_there(tmp_path: Path, name: str) -> None:
+    (tmp_path / "circle").symlink_to("circle")
+    (tmp_path / "circle.py").symlink_to("circle.py")
+    written(tmp_path, "x.py", HANDLER)
+    with pytest.raises(BadInput, match=r"no such file .*\.py; looked in "):
+        find_algorithm(name, tmp_path / "nowhere")
+
+
 def test_name_without_its_file_s_ending_is_told_what_to_write(tmp_path: Path) -> None:
     written(tmp_path, "spiral.py", HANDLER)
     with pytest.raises(UnknownName, match=rf"; a file spiral\.py is in {tmp_path}: write spiral\.py$"):

@@ -61,11 +61,14 @@ def whole_name(kind: str, name: str, folder: Path | None = None) -> str:
     if not names_file(name):
         return name
     path, attribute = split(name)
-    places = [(place / path).parent for place in _folders(folder)]
+    places, beside_it = [(place / path).parent for place in _folders(folder)], list[str]()
     for place in places:
-        if path.endswith(".py") and _is_file(there := place.resolve() / Path(path).name):
-            return f"{there}:{attribute}".removesuffix(":")
-    near = near_names(Path(path).stem, [file.stem for place in places for file in sorted(place.glob("*.py"))])
+        with suppress(OSError, RuntimeError, ValueError):  # no name of a file, such as a long one, or links in a circle
+            there = place.resolve() / Path(path).name
+            if path.endswith(".py") and there.is_file():
+                return f"{there}:{attribute}".removesuffix(":")
+            beside_it += sorted(file.stem for file in place.glob("*.py"))
+    near = near_names(Path(path).stem, beside_it)
     hint = f"; did you mean {' or '.join(f'{each}.py' for each in near)}?" if near else ""
     looked = " and ".join(dict.fromkeys(str(place) for place in places))
     raise BadInput(one_line(f"{kind} '{name}': no such file {Path(path).name}; looked in {looked}{hint}"))
@@ -103,23 +106,26 @@ def load(kind: str, name: str) -> ModuleType:
     Raises:
         BadInput: it is not there, root must not run it, or it failed while it ran; the text says which of these.
     """
+    return _loaded(kind, name)[0] if names_file(name) else _imported(kind, name, split(name)[0])
+
+
+def _loaded(kind: str, name: str) -> tuple[ModuleType, str]:
     path, _ = split(whole_name(kind, name))
-    if not names_file(name):
-        return _imported(kind, name, path)
     with _LOCK:
         if path not in _LOADED:
             source = _read(kind, name, path)
             checksum = blake2b(source, digest_size=16).hexdigest()
             _LOADED[path] = _executed(kind, name, path, source, checksum), checksum
-        return _LOADED[path][0]
+        return _LOADED[path]
 
 
 def _read(kind: str, name: str, path: str) -> bytes:
-    if os.geteuid() == 0 and (order := _that_closes(path)):
-        raise BadInput(
-            f"{kind} '{name}': another user can change {path}, and root would run it; {order}, or run this as that user"
-        )
     try:
+        if os.geteuid() == 0 and (order := _that_closes(path)):
+            raise BadInput(
+                f"{kind} '{name}': another user can change {path}, and root would run it; {order}, or run this as that "
+                "user"
+            )
         return read_regular(Path(path), MOST_BYTES)
     except OSError as error:
         raise BadInput(f"{kind} '{name}': {path} cannot be read: {error.strerror}") from None
@@ -227,9 +233,7 @@ def used(whole_names: Mapping[str, str]) -> dict[str, OwnFile]:
     found = dict[str, OwnFile]()
     for name, whole in whole_names.items():
         if names_file(whole):
-            load("file", whole)
-            path, _ = split(whole)
-            found[name] = OwnFile(path, _LOADED[path][1])
+            found[name] = OwnFile(split(whole)[0], _loaded("file", whole)[1])
     return found
 
 
@@ -245,11 +249,9 @@ def check_same(files: Iterable[OwnFile]) -> None:
         BadInput: one is not there, has changed, or failed while it ran.
     """
     for file in files:
-        load("file", file.path)
-        if _LOADED[file.path][1] != file.blake2b:
+        if _loaded("file", file.path)[1] != file.blake2b:
             forget_changed()  # this worker may have loaded it for an earlier campaign
-            load("file", file.path)
-        if _LOADED[file.path][1] != file.blake2b:
+        if _loaded("file", file.path)[1] != file.blake2b:
             raise BadInput(f"{file.path} is not the file that the campaign began with; run the campaign again")
 
 
