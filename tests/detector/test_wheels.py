@@ -119,6 +119,11 @@ def test_small_current_is_believed_and_not_an_encoder_without_its_wire() -> None
     assert not any(rover.turn_wheels(40, ways=STANDING, loads=(0.1, 0.1)))
 
 
+@pytest.mark.parametrize("loads", [(0.0, 0.0), (0.0, 0.9)])
+def test_current_that_is_not_measured_hides_no_stall(loads: tuple[float, float]) -> None:
+    assert Wheeled("wheels", "current").turn_wheels(20, ways=STANDING, loads=loads)[-1]
+
+
 def test_current_counts_while_the_encoders_say_nothing() -> None:
     assert Wheeled("wheels", "current").turn_wheels(40, loads=(0.9, 0.9))[-1]
 
@@ -131,10 +136,38 @@ def test_encoder_whose_side_turned_the_body_without_a_count_is_not_believed_unti
     assert rover.turn_wheels(20, ways=STANDING)[-1]
 
 
+@pytest.mark.parametrize("value", [nan, inf, None])
+def test_number_that_is_none_decides_as_the_none_that_a_log_has_for_it(value: float | None) -> None:
+    rover = Wheeled("wheels")
+    rover.turn_wheels(10, PIVOT, ways=(0.0, 1.0), turned_deg=10.0)
+    rover.turn_wheels(1, ways=(value, value))
+    assert not any(rover.turn_wheels(20, ways=STANDING))
+
+
+def test_single_count_of_the_wrong_way_is_no_stall() -> None:
+    rover = Wheeled("wheels")
+    rover.turn_wheels(20, duty(0.1), ways=TURNING)
+    assert not any(
+        found
+        for _ in range(3)
+        for found in [
+            *rover.turn_wheels(1, duty(0.1), ways=(-15.0, 1.0)),
+            *rover.turn_wheels(20, duty(0.1), ways=TURNING),
+        ]
+    )
+
+
 def test_who_sees_the_ground_pass_is_believed_and_not_the_wheels() -> None:
     rover = Wheeled("wheels", "current", motion=True)
     assert not any(rover.turn_wheels(40, ways=STANDING, loads=(0.9, 0.9), moved_m=STEP_M))
     assert rover.turn_wheels(20, ways=TURNING, loads=(0.1, 0.1), moved_m=0.0)[-1], "wheels that spin"
+
+
+def test_wheels_that_are_not_believed_do_not_keep_it_from_learning_how_it_steers() -> None:
+    """Ground that takes up all steering looks like a trunk in the dark, unless it was seen to pass before."""
+    rover, steers = Wheeled("wheels", motion=True), WheelCommand(1.0, 0.6)
+    rover.turn_wheels(60, steers, ways=STANDING, moved_m=STEP_M)
+    assert not any(rover.turn_wheels(60, steers))
 
 
 def test_wheels_count_while_the_motion_sensor_says_nothing() -> None:

@@ -119,8 +119,8 @@ class Detector:
             stood = wheels.stood
             self._motion.rolls = self._by_wheels and wheels.turns
         self._motion.update(tick, gained_deg - before_deg, tick.motion, conditions)
+        stood = stood and not self._motion.moves  # who sees the ground pass is believed
         if stood:
-            stood = not self._motion.moves  # who sees the ground pass is believed
             self._motion.begin_stride()
         self.moved = moved = self._motion.moved
         anomalies = [Anomaly.IMMOBILISED] if self._motion.stall.found or self._motion.stride_over or stood else []

@@ -159,19 +159,19 @@ class WheelMonitor:
         moved = self.moved = rims.begin(read_t_s)
         moved.read_s = read_t_s - max(self._read_t_s, self.spoke_t_s)
         self._read_t_s = self.spoke_t_s = read_t_s
-        if left_m is not None and right_m is not None:
+        most_m = self._speed_max_m_s * moved.read_s
+        # NaN is no way: a log has it as none.
+        if left_m is not None and right_m is not None and abs(left_m) <= most_m and abs(right_m) <= most_m:
             if left_m:
                 self._left_turned_deg = 0.0
             if right_m:
                 self._right_turned_deg = 0.0
-            turned_deg = max(abs(self._left_turned_deg), abs(self._right_turned_deg))
-            most_m = self._speed_max_m_s * moved.read_s
-            if turned_deg < TURNED_DEG and abs(left_m) <= most_m and abs(right_m) <= most_m:  # NaN is no way
+            if max(abs(self._left_turned_deg), abs(self._right_turned_deg)) < TURNED_DEG:
                 rims.see(moved, left_m, right_m)
                 left_driven_m, right_driven_m = moved.commanded_m + moved.led_m, moved.commanded_m - moved.led_m
                 least_m = SIDE_SHARE * moved.commanded_m * moved.commanded_m
                 if min(left_driven_m * moved.commanded_m, right_driven_m * moved.commanded_m) >= least_m > 0.0:
-                    share = min(left_m / left_driven_m, right_m / right_driven_m, 1.0)
+                    share = clamp(min(left_m / left_driven_m, right_m / right_driven_m), -1.0, 1.0)
                     moved.counted_m = share * moved.commanded_m
         rims.stall.add(moved)
         self.stood = self._by_way and rims.stall.found
@@ -184,7 +184,8 @@ class WheelMonitor:
         left_a, right_a = reading.left_a, reading.right_a
         sharp = abs(moved.led_m) > SHARP_SHARE * abs(moved.commanded_m)
         most_a = MOST_STALLS * self._stall_a
-        if left_a is not None and right_a is not None and 0.0 <= left_a <= most_a and 0.0 <= right_a <= most_a:
+        # A motor that is driven draws something: zero is no measurement, and must not speak against the encoders.
+        if left_a is not None and right_a is not None and 0.0 < left_a <= most_a and 0.0 < right_a <= most_a:
             full_m = self._full_m_s * moved.driven_s
             left, right = duties.left, duties.right
             left_m = (left - (left_a if left > 0.0 else -left_a) / self._stall_a) * full_m
