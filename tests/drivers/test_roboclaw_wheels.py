@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from tests.kit.boards import RoboClawBench, now_s
 from tests.virtual import virtual
+from wayfarer.drivers.roboclaw_board import Opcode
 from wayfarer.drivers.roboclaw_wheels import RoboClawWheels, RoboClawWheelsSettings
+from wayfarer.errors import NotResponding
 from wayfarer.hal import STOP, WheelCommand, WheelReading, WheelSensor
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chips.roboclaw import Encoders
@@ -86,6 +88,22 @@ async def test_counters_wrap(began: int, first: int, second: int) -> None:
     await asyncio.sleep(0.05)
     reading = await bench.wheels.read()
     assert (reading.left_m, reading.right_m) == pytest.approx((first / COUNTS_PER_M, second / COUNTS_PER_M))
+
+
+@virtual
+async def test_way_of_a_read_that_failed_is_in_the_next_one() -> None:
+    bench = await Bench().opened()
+    await bench.wheels.read()
+    before = bench.world.rims_m
+    await bench.motors.drive(WheelCommand(0.5, 0.5))
+    await asyncio.sleep(0.1)
+    with pytest.raises(NotResponding):
+        bench.lost = lambda data: data[1] == Opcode.GET_CURRENTS
+        await bench.wheels.read()
+    bench.lost = lambda _: False
+    reading = await bench.wheels.read()
+    assert reading.left_m is not None and reading.left_m > 0.01
+    assert reading.left_m == pytest.approx(bench.world.rims_m[0] - before[0], abs=2.0 / COUNTS_PER_M)
 
 
 @virtual

@@ -81,11 +81,11 @@ class RoboClawWheels:
             NotResponding: no answer.
             BadReading: an answer that cannot be true.
         """
+        left, right = self._sides(">hh", await self._board.ask(Opcode.GET_CURRENTS, 4))
         ways: tuple[float | None, float | None] = None, None
-        if self._m_per_count is not None:
+        if self._m_per_count is not None:  # last: after them nothing fails, and no way is lost
             counters = self._sides(">II", await self._board.ask(Opcode.GET_ENCODERS, 8))
             ways = self._ways(self._m_per_count, counters)
-        left, right = self._sides(">hh", await self._board.ask(Opcode.GET_CURRENTS, 4))
         return WheelReading(asyncio.get_running_loop().time(), *ways, abs(left) * A_PER_STEP, abs(right) * A_PER_STEP)
 
     def _sides(self, layout: str, data: bytes) -> tuple[int, int]:
