@@ -18,6 +18,6 @@ def test_it_keeps_each_promise_of_an_algorithm(check: Check) -> None:
 
 
 def test_it_gets_out_of_most_forests() -> None:
-    results = wayfarer.run_campaign(f"{FILE}:MyAlgorithm", trials=10)
+    results = wayfarer.run_campaign(f"{FILE}:MyAlgorithm", trials=5, budget_m=200)  # a weak one takes seconds to fail
     outcomes = [row["outcome"] for row in results.trials]
-    assert outcomes.count("escaped") >= 8, outcomes
+    assert outcomes.count("escaped") >= 4, outcomes

@@ -74,6 +74,5 @@ def test_it_does_not_take_another_part_or_garbage() -> None:
 
 
 def test_a_rover_drives_with_it() -> None:
-    settings = {"parts.compass.driver": str(FILE), "parts.compass.address": MyCompassSettings().address}
-    results = wayfarer.run_campaign(trials=2, rover="forestrover", depth="bus", set=settings)
+    results = wayfarer.run_campaign(trials=2, rover="forestrover", depth="bus", set={"parts.compass.driver": str(FILE)})
     assert [row["outcome"] for row in results.trials] == ["escaped"] * 2

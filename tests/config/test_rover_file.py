@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.config.rover_texts import complaint, load, rover_toml
-from wayfarer.config.rover_file import RoverConfig, load_rover, part_settings, rover_names
+from wayfarer.config.rover_file import RoverConfig, laid_over, load_rover, part_settings, rover_names
 from wayfarer.daemon.driven import DrivenBoard
 from wayfarer.daemon.stop_motors import motors_of
 from wayfarer.errors import BadConfig, BadInput, UnknownName
@@ -196,6 +196,15 @@ def test_control_that_is_just_fast_or_slow_enough_is_accepted(tmp_path: Path, co
 def test_settings_that_a_part_s_table_leaves_out_are_the_driver_s_defaults() -> None:
     driver, settings = part_settings("compass", {"driver": "cmps14"})
     assert settings == driver.Settings()
+
+
+@pytest.mark.parametrize("given", [{}, {"address": 0x29}])
+def test_part_that_gets_another_driver_begins_with_that_driver_s_defaults(given: dict[str, int]) -> None:
+    rover = load_rover("forestrover")
+    of_another = {"driver": "bno055", **given}
+    assert laid_over(rover, {"parts": {"compass": of_another}}).parts == {**rover.parts, "compass": of_another}
+    same = laid_over(rover, {"parts": {"compass": {"driver": "cmps14", "address": 0x61}}})
+    assert same.parts["compass"] == {**rover.parts["compass"], "address": 0x61}
 
 
 @pytest.mark.parametrize(

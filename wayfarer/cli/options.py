@@ -114,7 +114,7 @@ AlgorithmOption = Annotated[
     typer.Option(
         metavar="NAME",
         autocompletion=complete_algorithm,
-        help="Escape algorithm; see wayfarer list. Or your own, as FILE.py:NAME.",
+        help="Escape algorithm; see wayfarer list. Or your own, as FILE.py or FILE.py:NAME.",
     ),
 ]
 Faults = Annotated[

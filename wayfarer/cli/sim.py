@@ -17,7 +17,7 @@ EXAMPLES = examples(
     "wayfarer sim --trials 1000 --out results --resume",
     "wayfarer sim --trials 200 --algorithm paper --slip-mean-m 2",
     "wayfarer sim --trials 500 --algorithm paper --forests reference",
-    "wayfarer sim --algorithm levy-walk,my_rules:spiral --spl",
+    "wayfarer sim --algorithm levy-walk,spiral.py --spl",
     "wayfarer sim --trial 17 --log-dir logs/17",
     "wayfarer sim --trials 50 --log-dir logs",
     "wayfarer sim --trials 100 --rover minirover --depth bus",

@@ -351,7 +351,13 @@ def laid_over(config: RoverConfig, settings: Mapping[str, Any], prefix: str = ""
 
 
 def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Return two tables as one, where the upper one counts; tables within them are merged too."""
+    """Return two tables as one, where the upper one counts; tables within them are merged too.
+
+    A part that gets another driver begins with that driver's own defaults: what was set for the old one means something
+    else to it, or nothing.
+    """
+    if above.get("driver", below.get("driver")) != below.get("driver"):
+        return dict(above)
     merged = dict(below)
     for key, value in above.items():
         under = merged.get(key)

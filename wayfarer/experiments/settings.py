@@ -77,7 +77,8 @@ class CampaignSettings:
     """Path length after which a rover counts as entrapped, metres."""
     set: Mapping[str, Setting] = field(default_factory=dict)
     """A number of the simulated world, or any key of the rover file: ``KEY=VALUE``, or ``KEY=LOW:HIGH`` to draw one for
-    each trial, such as sim.slope_deg=0:15 or senses=field. ``wayfarer list --keys`` names all keys."""
+    each trial, such as sim.slope_deg=0:15 or senses=field. Another driver of a part begins with its own
+    defaults. ``wayfarer list --keys`` names all keys."""
     faults: tuple[str, ...] = ()
     """A fault on purpose, S seconds after arming (5 if nothing is said) and for S seconds (to the end if nothing is
     said), such as silent:compass@20+5. ``wayfarer list --faults`` names the kinds."""

@@ -256,3 +256,6 @@ async def _memory_has_counter_and_episodes(algorithm: Algorithm) -> None:
                 value = memory.get(key)
                 if not (isinstance(value, float | int) and isfinite(value)):
                     raise AssertionError(f"memory() has {key} = {value!r}, which is no finite number: {memory}")
+            for key, value in memory.items():
+                if not isinstance(value, float | int | str):
+                    raise AssertionError(f"memory() has {key} = {value!r}, which is no number and no text")
