@@ -90,7 +90,8 @@ async def calibrate_compass(inspection: Inspection, operator: Operator) -> Compa
     if isinstance(compass, CMPS14):
         await _teach(compass, operator)
     elif isinstance(compass, BNO055):
-        await _watch_it_learn(compass, operator)
+        await _until_full(compass, operator)
+        await operator.say(f'Write under [parts.compass]: offsets = "{await compass.offsets()}"')
     else:
         await operator.say(f"{compass.name} accepts no calibration: only its error is measured.")
     error_deg = residual_deg([await _heading(compass, operator, text) for text in QUARTERS])
@@ -116,12 +117,6 @@ async def _teach(compass: CMPS14, operator: Operator) -> None:
         await compass.store_profile()
     finally:
         await compass.configure(OFF)
-
-
-async def _watch_it_learn(compass: BNO055, operator: Operator) -> None:
-    """Ask for turns until the levels are full, and say what the part forgets without power."""
-    await _until_full(compass, operator)
-    await operator.say(f'Write under [parts.compass]: offsets = "{await compass.offsets()}"')
 
 
 async def _find_its_north(compass: BNO055, table: Mapping[str, Any], operator: Operator) -> None:

@@ -78,20 +78,15 @@ def beside(name: str, folder: Path | None = None) -> str:
     """Return what to write in place of a name if a file of that name is there: an end of an error, else nothing."""
     module, attribute = split(name)
     for place in _folders(folder):
-        if module.isidentifier() and _is_file(place / f"{module}.py"):
-            return f"; a file {module}.py is in {place}: write {module}.py:{attribute}".removesuffix(":")
+        with suppress(OSError):  # its name is too long
+            if module.isidentifier() and (place / f"{module}.py").is_file():
+                return f"; a file {module}.py is in {place}: write {module}.py:{attribute}".removesuffix(":")
     return ""
 
 
 def _folders(folder: Path | None) -> list[Path]:
     """Return where files are looked for: the rover file's folder first."""
     return list(dict.fromkeys([*([] if folder is None else [folder.resolve()]), Path.cwd()]))
-
-
-def _is_file(path: Path) -> bool:
-    with suppress(OSError, ValueError):
-        return path.is_file()
-    return False
 
 
 # -- loading -----------------------------------------------------------------------------------------------------------

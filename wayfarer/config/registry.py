@@ -7,7 +7,7 @@ A name is looked for in this order:
 3. a file, ``FILE.py`` or ``FILE.py:NAME``, in the rover file's folder, else in the current one (``own_file``);
 4. ``"module:attribute"``.
 
-So nobody has to touch a file of wayfarer for one of his own.
+So one's own needs no change in a file of wayfarer.
 """
 
 from __future__ import annotations

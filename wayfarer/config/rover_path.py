@@ -26,5 +26,5 @@ def rover_path(name_or_path: str) -> Path:
 
 
 def own_folder(name_or_path: str) -> Path | None:
-    """Return where somebody's own drivers and algorithms are looked for first: beside his rover file."""
+    """Return where somebody's own drivers and algorithms are looked for first: beside the rover file."""
     return rover_path(name_or_path).parent if is_rover_file(name_or_path) else None

@@ -17,7 +17,7 @@ from wayfarer.drivers.roboclaw import Baud
 from wayfarer.drivers.roboclaw_board import A_PER_STEP, CHIP, Opcode, link_to
 from wayfarer.hal import WheelReading
 
-_COUNTER_BITS = 32
+_HALF = 1 << 31  # of what a counter can hold
 _JUMP_M_S = 10.0  # no rim is so fast: the counters began again. Chosen by us
 
 
@@ -99,16 +99,10 @@ class RoboClawWheels:
         if before is None:
             return None, None
         left_m, right_m = (
-            sign * _signed(counter - last) * m_per_count
+            sign * ((counter - last + _HALF) % (2 * _HALF) - _HALF) * m_per_count
             for sign, counter, last in zip(self._signs, counters, before[1:], strict=True)
         )
         if max(abs(left_m), abs(right_m)) > _JUMP_M_S * (now_s - before[0]) + m_per_count:
             self._restarts += 1
             return None, None
         return left_m, right_m
-
-
-def _signed(difference: int) -> int:
-    """Return by how much a counter that wraps has counted up or down."""
-    half = 1 << (_COUNTER_BITS - 1)
-    return (difference + half) % (2 * half) - half

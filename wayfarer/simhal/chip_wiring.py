@@ -67,7 +67,7 @@ class ChipWiring:
     ) -> None:
         self.world, self.streams, self.clock, self.buses = world, streams, clock, buses
         self.boards: list[MotorBoard] = []
-        buses.pins().before_read.append(self._bring_the_world_up_to_date)
+        buses.pins().before_read.append(lambda: self.world.advance_to(self.sense_clock()))
 
     def tick(self) -> None:
         """Let deadmen trip whose time has come."""
@@ -78,9 +78,6 @@ class ChipWiring:
         """Return the time, once deadmen have tripped whose time has come."""
         self.tick()
         return self.clock()
-
-    def _bring_the_world_up_to_date(self) -> None:
-        self.world.advance_to(self.sense_clock())
 
     def attach(self, part: str, table: Mapping[str, Any]) -> bool:
         """Put the chip of a part of a rover file where the settings say; False if its driver has no simulated chip."""

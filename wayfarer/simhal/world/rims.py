@@ -2,7 +2,7 @@
 
 Each side has a motor whose torque falls in a line from stall to free speed. What it must push is what it takes to keep
 the rim as fast as the ground under it, and never more than its grip, ``friction`` times half the weight. So a body that
-something holds stalls its wheels where duty times stall force is below the grip; else they spin, and the load is the
+something holds stalls its wheels if duty times stall force is below the grip; else they spin, and the load is the
 grip. Wheels that slip, or hang in the air, spin.
 """
 
@@ -63,7 +63,7 @@ class Rims:
     def rolled(
         self, step_s: float, left: float, right: float, full_m_s: tuple[float, float], rims_m_s: tuple[float, float]
     ) -> None:
-        """Take a step in which the ground passed so fast under the rims; where it gives too little grip they spin."""
+        """Take a step in which the ground passed so fast under the rims; if it gives too little grip, they spin."""
         left_share, right_share = rims_m_s[0] / full_m_s[0], rims_m_s[1] / full_m_s[1]
         if self._is_ideal:
             left_load, right_load = left - left_share, right - right_share
