@@ -39,6 +39,11 @@ def test_data_and_python_in_a_page_are_valid(page: str) -> None:
             ast.parse(fence.body)
 
 
+def test_driver_of_a_part_on_a_serial_line_runs_as_the_page_shows_it() -> None:
+    (shown,) = (fence.body for fence in fences("docs/how-to/your-own.md") if fence.language == "python")
+    exec(shown, {"__name__": "shown"})
+
+
 # -- those that run ----------------------------------------------------------------------------------------------------
 
 
