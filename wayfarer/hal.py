@@ -256,7 +256,7 @@ class HasErrorCounts(Driver, Protocol):
 
 @runtime_checkable
 class HasNote(Driver, Protocol):
-    """An optional attribute of a compass: what a person should know of how it is connected, for ``wayfarer check``."""
+    """An optional attribute of a compass or motors: what to know of how it is connected, for ``wayfarer check``."""
 
     note: str
 

@@ -312,6 +312,20 @@ async def test_duties_beyond_full_are_full_and_what_is_no_number_reaches_no_pin(
     assert states(board) == [0, 0.5, 0.5, 0]
 
 
+@pytest.mark.parametrize(
+    ("settings", "high"),
+    [
+        (TWO_PWM, ""),
+        ({**TWO_PWM, "left_forward": 8, "right_enable": 0}, "GPIO 0 and 8 up"),
+        ({**DIRECTION, "left_pwm": 9, "left_direction": 5}, ""),  # a direction alone turns no wheel
+        ({**DIRECTION, "left_pwm": 7}, "GPIO 7 up"),
+    ],
+)
+def test_inputs_that_are_pulled_up_at_boot_are_told_to_whoever_checks(settings: dict[str, Any], high: str) -> None:
+    note = GpioMotors(GpioMotorsSettings(**settings), FakeBuses()).note
+    assert (high in note) if high else note == ""
+
+
 @virtual
 async def test_there_is_no_deadman_and_nothing_is_known_of_the_battery() -> None:
     motors = await opened()

@@ -26,6 +26,7 @@ from wayfarer.hal import STOP, MotorHealth, WheelCommand
 
 FULL_PERCENT: Final = 100  # gpiozero sets lgpio's PWM in whole percent, and cuts off what is beyond
 _DUTY: Final = None
+_PULLED_UP: Final = frozenset(range(9))  # BCM2835 ARM Peripherals, table 6-31 (docs/reference/hardware.md)
 
 # What the pins of a side do ahead, and back, by the pins that it has.
 SCHEMES: Final[Mapping[frozenset[str], Mapping[str, tuple[float | None, float | None]]]] = {
@@ -152,6 +153,15 @@ class GpioMotors(GpioPart):
         )
         self._pulse: OutputPin | None = None
         self._halts = 0
+        scheme = SCHEMES[frozenset(settings.pins("left"))]
+        powers = [name for name, levels in scheme.items() if _DUTY in levels] + ["enable"]
+        high = sorted(
+            _PULLED_UP & {getattr(settings, f"{side}_{name}") for side in ("left", "right") for name in powers}
+        )
+        self.note = ""
+        if high:
+            pins = " and ".join(map(str, high))
+            self.note = f"a Raspberry Pi pulls GPIO {pins} up while no program holds them: wheels may turn at boot"
 
     async def open(self) -> None:
         """Claim the pins, all at zero; raises as ``GpioPart.open``.

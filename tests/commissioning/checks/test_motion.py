@@ -82,6 +82,16 @@ def test_without_a_person_no_wheel_turns_and_every_check_says_why(rig: Rig) -> N
     assert all("it needs a person" in finding.text for finding in motion)
 
 
+def test_what_is_known_of_the_motors_pins_is_told_as_a_warning(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def told() -> list[Finding]:
+        findings = run_virtually(check(rig.config, rig.rover, rig.host, rig.kept, ask=None))
+        return [finding for finding in findings if finding.name == "motor pins"]
+
+    assert told() == []
+    monkeypatch.setattr(rig.motors, "note", "wheels may turn at boot", raising=False)
+    assert [finding[1:3] for finding in told()] == [(CheckVerdict.WARN, "wheels may turn at boot")]
+
+
 @pytest.mark.parametrize(("dead", "asked"), [(False, True), (True, False)])
 def test_without_a_yes_or_an_answer_of_the_board_no_wheel_turns(rig: Rig, dead: bool, asked: bool) -> None:
     rig.motors.dead = dead

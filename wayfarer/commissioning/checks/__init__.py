@@ -21,10 +21,11 @@ from wayfarer.commissioning.checks.api import (
     Inspection,
     passed,
     run_checks,
+    warn,
 )
 from wayfarer.config.calibration_file import Calibration
 from wayfarer.config.rover_file import RoverConfig
-from wayfarer.hal import Rover
+from wayfarer.hal import HasNote, Rover
 
 __all__ = [
     "ARMING",
@@ -91,5 +92,9 @@ async def check(
     at_rest = [check for check in (*ARMING, *AT_REST) if check is not deadman.proved]
     async with Inspection(config, rover, host, calibration) as inspection:
         findings = await run_checks(inspection, [*devices, *at_rest])
+        if isinstance(motors := rover.motors, HasNote) and motors.note:
+            findings.append(
+                warn("motor pins", motors.note, "use GPIO 9 to 27 for these inputs, with pull-downs of 10 kΩ")
+            )
         findings += await check_motion(inspection, ask)
         return findings + await run_checks(inspection, [deadman.proved])  # a person may have seen it just now
