@@ -51,8 +51,8 @@ WITNESSES: Final[Mapping[str, Witness]] = {
         "the motors of both sides together draw 0.7 or more of duty x stall current for as long, and rims that are "
         "measured do not turn",
         "never: a small current may be that of wheels that spin",
-        "in the first 0.5 s after a start or a reversal, in sharp turns, or if the current is smaller",
-        "slips, as encoders; and nothing if `stall_current_a` is twice too high",
+        "in the first 0.5 s after a start or a reversal, in sharp turns, or if the current is smaller, or zero",
+        "slips, as encoders; and if `stall_current_a` is twice too high, it sees no stall, and contradicts encoders",
     ),
     "yaw": Witness(
         None,
