@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import wayfarer
+from wayfarer.cli.replay import replay_text
 from wayfarer.commissioning.checks import CheckVerdict, HostEnvironment, check
 from wayfarer.config.calibration_file import Calibration, FlowEntry
 from wayfarer.config.factory import assemble
@@ -29,8 +30,9 @@ from wayfarer.config.own_file import (
 )
 from wayfarer.config.registry import find_algorithm, find_driver
 from wayfarer.config.rover_file import RoverConfig, load_rover
-from wayfarer.errors import BadConfig, BadInput, UnknownName
+from wayfarer.errors import BadConfig, BadInput, UnknownName, WayfarerError
 from wayfarer.experiments.checks import check_rover
+from wayfarer.fieldlog.replay import replay
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.world.physics import Depth
 
@@ -250,7 +252,10 @@ def test_name_without_its_file_s_ending_is_told_what_to_write(tmp_path: Path) ->
     [
         ("\n\nprint(undefined)\n", r"broken\.py:3: NameError: name 'undefined' is not defined$"),
         ("def f(:\n", r"broken\.py:1: SyntaxError: invalid syntax$"),
-        ("x = 1\nimport no_such_thing.inner\n", r"broken\.py:2: ModuleNotFoundError: .*; install no_such_thing for /"),
+        (
+            "x = 1\nimport no_such_thing.inner\n",
+            r"broken\.py:2: ModuleNotFoundError: .*; correct the name, put no_such_thing\.py beside it, or install",
+        ),
         ("import json\n\njson.loads('{')\n", r"broken\.py:3: JSONDecodeError: .* \(raised in decoder\.py:\d+\)$"),
         ("def f():\n    return 1 / 0\n\nf()\n", r"broken\.py:2: ZeroDivisionError: division by zero$"),
         ("raise SystemExit(3)\n", r"broken\.py:1: SystemExit: 3$"),
@@ -278,6 +283,23 @@ def test_file_that_fails_is_told_by_its_last_line(
         ("class A: ...", "own.py:A", r"own\.py:A lacks decide\(\), memory\(\), reset\(\); write that, then check_algo"),
         ("def a(): ...", "own.py:a", r"own\.py:a is a function, and neither a class nor a wayfarer"),
         (HANDLER, "own.py:Spirale", r"own\.py has no 'Spirale': did you mean Spiral\?$"),
+        (HANDLER + "Spiral.requires = ('contact')", "own.py", r"has requires = 'contact', which is no tuple of names"),
+        (HANDLER + "Spiral.requires = 1", "own.py", r"has requires = 1, which is no tuple of names"),
+        (
+            HANDLER + "Spiral.requires = ('bumper',)",
+            "own.py",
+            r"has 'bumper' in requires, and a rover can have",
+        ),
+        (
+            HANDLER.replace("decide(self, obs", "decide(self, a, obs"),
+            "own.py",
+            r"a decide\(\) that cannot be called",
+        ),
+        (
+            HANDLER.replace("def memory", "def memoir") + "class Aux: ...\n",
+            "own.py",
+            r"fits: Spiral lacks memory\(\); Memory lacks decide",
+        ),
         (HANDLER.replace(", rng):", "):"), "own.py", r"Spiral cannot be made with \(settings, vehicle, rng\)"),
     ],
 )
@@ -291,9 +313,16 @@ def test_what_is_no_algorithm_is_told_by_what_is_missing(tmp_path: Path, text: s
     ("text", "says"),
     [
         (DRIVER.replace("part,", "prt,"), r"lacks the class attribute part, one of compass, motors, "),
-        (DRIVER.replace('"compass"', '"compas"'), r"lacks the class attribute part, one of compass, "),
-        (DRIVER.replace("async def read", "async def get"), r"Needle lacks read\(\); write that, then the checks of"),
-        (DRIVER.replace('"compass"', '"motors"'), r"lacks drive\(\), halt\(\), health\(\), read_back\(\), stop\(\); "),
+        (DRIVER.replace('"compass"', '"compas"'), r"Needle has part = 'compas'; did you mean 'compass'\?; write"),
+        (DRIVER.replace('"compass"', '"xyz"'), r"Needle has part = 'xyz'; it is one of compass, motors, "),
+        (
+            DRIVER.replace("async def read", "async def get"),
+            r"Needle lacks read\(\), as its part is 'compass'; w",
+        ),
+        (
+            DRIVER.replace('"compass"', '"motors"'),
+            r"lacks drive\(\), halt\(\), .*, stop\(\), as its part is 'motors'; ",
+        ),
         (DRIVER.replace("    @dataclass(frozen=True)\n", ""), r"lacks the dataclass Settings"),
         (DRIVER.replace(", buses):", "):"), r"cannot be made with \(settings, buses\)"),
     ],
@@ -399,6 +428,59 @@ def test_checks_take_what_stands_for_any_part_that_cannot_be_made(tmp_path: Path
     assert not any("an error in a driver or in wayfarer itself" in each.text for each in findings)
 
 
+def test_settings_of_a_driver_are_not_among_what_does_not_fit(tmp_path: Path) -> None:
+    written(tmp_path, "needle.py", DRIVER.replace("async def read", "async def get") + "Own = Needle.Settings\n")
+    with pytest.raises(BadInput, match=r"nothing in it fits: Needle lacks read\(\), as"):
+        find_driver("needle.py")
+
+
+def test_driver_for_another_part_is_told_with_the_key_and_its_part(tmp_path: Path) -> None:
+    written(tmp_path, "needle.py", DRIVER.replace('"compass"', '"light"'))
+    with pytest.raises(BadConfig, match=r"key 'parts\.compass\.driver': .* as its part is 'light'"):
+        load_rover(str(written(tmp_path, "rover.toml", ROVER)))
+
+
+def test_missing_folder_and_a_folder_are_told_as_such(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    with pytest.raises(BadInput, match=rf"looked in {tmp_path}/parts; there is no such folder$"):
+        find_driver("parts/needle.py")
+    for name in ("sub/", "./sub"):
+        with pytest.raises(BadInput, match=rf"driver '{name}' is a folder; name a file in it, such as .*sub/mine\.py$"):
+            find_driver(name)
+
+
+@pytest.mark.parametrize("decided", ["None", "('far', 1)"])
+def test_decide_that_gives_no_decision_is_named_with_its_file(tmp_path: Path, decided: str) -> None:
+    own = HANDLER.replace("self.decide, self.reset", "_, self.reset").replace(
+        "observation): ...", f"observation): return {decided}"
+    )
+    written(tmp_path, "spiral.py", own)
+    said = re.escape(f"decide() of spiral.py returned {decided}, not a Decision")
+    with pytest.raises(WayfarerError, match=said):
+        wayfarer.run_trial(0, "spiral.py")
+
+
+def test_replay_and_trials_say_that_a_file_has_changed(tmp_path: Path) -> None:
+    own = HANDLER.replace("self.decide, self.reset", "_, self.reset").replace(
+        "observation): ...", "observation): return self._inner.decide(observation)"
+    )
+    written(tmp_path, "spiral.py", own)
+    wayfarer.run_trial(0, "spiral.py", log_dir=tmp_path / "log")
+    run = tmp_path / "log"
+    assert replay(run, allow_code=True).changed_file is None
+    written(tmp_path, "spiral.py", own.replace("rand-pledge", "levy-walk"))
+    forget_changed()
+    result = replay(run, allow_code=True)
+    assert result.changed_file == "spiral.py"
+    assert replay_text(run, result).endswith(" today; spiral.py is not the file that was logged")
+
+
+def test_missing_sense_is_told_with_what_to_do_once(tmp_path: Path) -> None:
+    written(tmp_path, "spiral.py", HANDLER + "Spiral.requires = ('wheels',)\n")
+    with pytest.raises(WayfarerError, match=r"has none; choose another algorithm or rover$"):
+        wayfarer.run_campaign("spiral.py", trials=1)
+
+
 # -- where it is used --------------------------------------------------------------------------------------------------
 
 
@@ -410,5 +492,5 @@ def test_trials_say_which_file_they_used_and_refuse_another_one(tmp_path: Path) 
     assert files["spiral.py:Spiral"].path == str(file)
     assert as_used("spiral.py:Spiral", files) == f"{file}:Spiral"
     written(tmp_path, "spiral.py", HANDLER + "# edited\n")
-    with pytest.raises(BadInput, match=r"belongs to another campaign: files\.spiral\.py:Spiral\.blake2b is"):
+    with pytest.raises(BadInput, match=r"out: spiral\.py has changed since; restore it, or give another folder$"):
         wayfarer.run_campaign("spiral.py:Spiral", trials=1, out=tmp_path / "out", resume=True)

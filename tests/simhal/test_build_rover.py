@@ -243,7 +243,7 @@ def test_bumper_with_a_chip_is_the_real_driver_on_pins_and_any_other_a_simulated
 
 async def test_part_without_a_simulated_chip_is_refused_at_bus_depth_only() -> None:
     chipless = with_part(load_rover("sim"), compass={"driver": "tests.fake_plugins:Chipless"})
-    with pytest.raises(BadConfig, match=r"rover 'sim': no simulated chip for '.*Chipless'; use --depth device"):
+    with pytest.raises(BadConfig, match=r"'sim': no simulated chip for '.*'; use --depth device, or name one in the"):
         rover_in(CLEARING, chipless, Depth.BUS)
     rover_in(CLEARING, chipless, Depth.DEVICE)
 

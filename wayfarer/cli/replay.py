@@ -75,7 +75,9 @@ def replay_text(run: Path, result: Replay) -> str:
     if result.difference is not None:
         elapsed_s, number, key, *values = result.difference
         logged, today = map(_short, values) if _short(values[0]) != _short(values[1]) else map(repr, values)
-        return f"{so_far}, then at {_moment(elapsed_s)}, n {number}, {key} was {logged} and is {today} today"
+        return f"{so_far}, then at {_moment(elapsed_s)}, n {number}, {key} was {logged} and is {today} today" + (
+            f"; {result.changed_file} is not the file that was logged" if result.changed_file else ""
+        )
     if result.cut_elapsed_s is not None:
         return f"{so_far}; records are missing before {_moment(result.cut_elapsed_s)}, what follows cannot be replayed"
     return so_far

@@ -69,8 +69,11 @@ def whole_name(kind: str, name: str, folder: Path | None = None) -> str:
                 return f"{there}:{attribute}".removesuffix(":")
             beside_it += sorted(file.stem for file in place.glob("*.py"))
     near = near_names(Path(path).stem, beside_it)
-    hint = f"; did you mean {' or '.join(f'{each}.py' for each in near)}?" if near else ""
     looked = " and ".join(dict.fromkeys(str(place) for place in places))
+    if any(_is_folder(place / Path(path).name) for place in places):
+        raise BadInput(one_line(f"{kind} '{name}' is a folder; name a file in it, such as {path.rstrip('/')}/mine.py"))
+    hint = f"; did you mean {' or '.join(f'{each}.py' for each in near)}?" if near else ""
+    hint = hint if any(map(_is_folder, places)) else "; there is no such folder"
     raise BadInput(one_line(f"{kind} '{name}': no such file {Path(path).name}; looked in {looked}{hint}"))
 
 
@@ -87,6 +90,12 @@ def beside(name: str, folder: Path | None = None) -> str:
 def _folders(folder: Path | None) -> list[Path]:
     """Return where files are looked for: the rover file's folder first."""
     return list(dict.fromkeys([*([] if folder is None else [folder.resolve()]), Path.cwd()]))
+
+
+def _is_folder(path: Path) -> bool:
+    with suppress(OSError, RuntimeError, ValueError):
+        return path.is_dir()
+    return False
 
 
 # -- loading -----------------------------------------------------------------------------------------------------------
@@ -185,7 +194,8 @@ def _in_file(error: BaseException, path: str) -> str:
     elif frames[-1].filename != path and "importlib" not in frames[-1].filename:
         end = f" (raised in {Path(frames[-1].filename).name}:{frames[-1].lineno})"
     if isinstance(error, ModuleNotFoundError) and error.name:
-        end = f"; install {error.name.partition('.')[0]} for {sys.executable}"
+        missing = error.name.partition(".")[0]
+        end = f"; correct the name, put {missing}.py beside it, or install it for {sys.executable}"
     return f"{Path(path).name}{f':{line}' if line else ''}: {what}{end}"
 
 
@@ -235,6 +245,13 @@ def used(whole_names: Mapping[str, str]) -> dict[str, OwnFile]:
 def as_used(name: str, files: Mapping[str, OwnFile]) -> str:
     """Return the whole name of what a file's name stood for when ``files`` were used; another name unchanged."""
     return f"{files[name].path}:{split(name)[1]}".removesuffix(":") if names_file(name) and name in files else name
+
+
+def changed(name: str, files: Mapping[str, OwnFile]) -> str | None:
+    """Return the file of a name that was loaded, if it is another one than in ``files``; else None."""
+    if name not in files or files[name].path not in _LOADED or _LOADED[files[name].path][1] == files[name].blake2b:
+        return None
+    return Path(files[name].path).name
 
 
 def check_same(files: Iterable[OwnFile]) -> None:

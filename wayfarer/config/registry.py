@@ -12,22 +12,23 @@ So one's own needs no change in a file of wayfarer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import is_dataclass, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
-from inspect import signature
+from inspect import getattr_static, signature
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, get_args, get_type_hints
 
 from wayfarer.config.own_file import attribute, beside, load, names_file, split, whole_name
-from wayfarer.errors import BadInput, UnknownName, WayfarerError, kind_and_text
+from wayfarer.errors import BadInput, UnknownName, WayfarerError, kind_and_text, near_names
 from wayfarer.escape.api import EscapeHandler
 from wayfarer.escape.catalogue import BUILT_IN, Algorithm
 from wayfarer.hal import Rover
 
 ALGORITHM_GROUP = "wayfarer.algorithms"
 DRIVER_GROUP = "wayfarer.drivers"
+OPTIONAL_PARTS = {field.name for field in fields(Rover)} - {"compass", "motors"}
 
 # Built-in drivers, by the name that a rover file uses. The module is imported when the part is chosen, never before.
 BUILT_IN_DRIVERS: Mapping[str, str] = {
@@ -185,19 +186,32 @@ def _only_one(kind: str, path: str, module: ModuleType, misfit: Callable[[Any], 
         return f"{path}:{found[0]}"
     if found:
         raise BadInput(f"{kind} '{path}': several in it fit; write {' or '.join(f'{file}:{each}' for each in found)}")
-    seen = "; ".join(f"{name} {misfit(each)}" for name, each in own.items()) or "no class is in it"
+    settings = [getattr(each, "Settings", None) for each in own.values()]
+    missing = [f"{name} {misfit(each)}" for name, each in own.items() if each not in settings]
+    seen = "; ".join(sorted(missing, key=lambda text: text.count(","))) or "no class is in it"  # what lacks least first
     raise BadInput(f"{kind} '{path}': nothing in it fits: {seen}; {MORE[kind]}")
 
 
 def _algorithm_misfit(found: Any) -> str:
     """Return why something is no algorithm; nothing if it can be one."""
     if isinstance(found, Algorithm):
-        return ""
+        return _requires_misfit(found.requires)
     if not isinstance(found, type):
         return f"is a {type(found).__name__}, and neither a class nor a wayfarer.escape.catalogue.Algorithm"
     if lacks := _lacks(found, EscapeHandler):
         return f"lacks {lacks}"
-    return _call_misfit(found, "settings", "vehicle", "rng")
+    decide = getattr_static(found, "decide")
+    if isinstance(decide, FunctionType) and _call_misfit(decide, "self", "observation"):
+        return "has a decide() that cannot be called with (observation)"
+    return _requires_misfit(getattr(found, "requires", ())) or _call_misfit(found, "settings", "vehicle", "rng")
+
+
+def _requires_misfit(requires: object) -> str:
+    if isinstance(requires, str) or not isinstance(requires, Collection):
+        return f"has requires = {requires!r}, which is no tuple of names, such as ('contact',)"
+    if unknown := [name for name in requires if name not in OPTIONAL_PARTS]:
+        return f"has {unknown[0]!r} in requires, and a rover can have {', '.join(sorted(OPTIONAL_PARTS))}"
+    return ""
 
 
 def _driver_misfit(found: Any) -> str:
@@ -206,11 +220,14 @@ def _driver_misfit(found: Any) -> str:
     if not isinstance(found, type):
         return f"is a {type(found).__name__} and no class"
     if (part := getattr(found, "part", None)) not in list(kinds):
-        return f"lacks the class attribute part, one of {', '.join(kinds)}"
+        if part is None:
+            return f"lacks the class attribute part, one of {', '.join(kinds)}"
+        near = near_names(str(part), kinds)
+        return f"has part = {part!r}; " + (f"did you mean '{near[0]}'?" if near else f"it is one of {', '.join(kinds)}")
     protocol = next(each for each in (*get_args(kinds[part]), kinds[part]) if each is not type(None))
     settings = "" if is_dataclass(getattr(found, "Settings", None)) else "the dataclass Settings"
     if lacks := ", ".join(filter(None, (settings, _lacks(found, protocol)))):
-        return f"lacks {lacks}"
+        return f"lacks {lacks}, as its part is '{part}'"
     return _call_misfit(found, "settings", "buses")
 
 
@@ -227,7 +244,7 @@ def _lacks(found: type, protocol: type) -> str:
     return ", ".join(f"{name}()" for name in sorted(needed) if not callable(getattr(found, name, None)))
 
 
-def _call_misfit(found: type, *names: str) -> str:
+def _call_misfit(found: Callable[..., Any], *names: str) -> str:
     try:
         signature(found).bind(*names)
     except TypeError:

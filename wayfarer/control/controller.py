@@ -14,16 +14,19 @@ a time limit continues where it was.
 
 from __future__ import annotations
 
+import sys
 from contextlib import suppress
 from math import inf, radians
+from pathlib import Path
 from random import Random
-from typing import Final
+from typing import Any, Final
 
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.modes import MAY_TURN, MODES, Entered, Event, Mode, Outcome, Refused, refusal
 from wayfarer.control.run_log import SEVERITY, RunLog
 from wayfarer.control.tick import Inputs, TickRecord
 from wayfarer.detector import Detector
+from wayfarer.errors import BadInput, one_line
 from wayfarer.escape.api import Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.recovery import Recovery
 from wayfarer.hal import STOP, WheelCommand
@@ -371,7 +374,11 @@ class Controller:
         if decision is not None:
             self._away_s += tick.dt_s
         else:
-            decision = self._handler.decide(observation)
+            handler: Any = self._handler  # somebody's own may return anything
+            decided: object = handler.decide(observation)
+            if not isinstance(decided, Decision):
+                raise _no_decision(handler, decided)
+            decision = decided
             wheels = self._detector.grade.compensate(decision.wheels)
             if wheels is not decision.wheels:
                 decision = Decision(wheels, decision.phase, decision.why)
@@ -496,3 +503,9 @@ class Controller:
         self._disarm(reason)
         tick.wheels = STOP  # a limit is judged after the decision
         tick.conclude("info", "disarmed", text=f"Disarmed: {disarmed_text(reason)}", reason=reason)
+
+
+def _no_decision(handler: object, decided: object) -> BadInput:
+    own = type(handler)
+    file = Path(getattr(sys.modules.get(own.__module__), "__file__", None) or own.__name__).name
+    return BadInput(one_line(f"decide() of {file} returned {repr(decided)[:80]}, not a Decision"))

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self
 
 from wayfarer.config.messages import shortened, shown
+from wayfarer.config.own_file import split
 from wayfarer.config.rover_file import flat
 from wayfarer.errors import BadInput, WayfarerError
 from wayfarer.experiments.campaign import Campaign, Plan, Task
@@ -262,6 +263,9 @@ class Results:
             ) from None
         for name in (*here, *there):
             if here.get(name) != there.get(name):
+                if name.startswith("files.") and name.endswith(".blake2b") and there.get(name) and here.get(name):
+                    file = Path(split(name[len("files.") : -len(".blake2b")])[0]).name
+                    raise BadInput(f"{folder}: {file} has changed since; restore it, or give another folder")
                 raise BadInput(
                     f"{folder} belongs to another {self.kind}: {shortened(name)} is {shown(there.get(name))} there and "
                     f"{shown(here.get(name))} here; repeat its settings, or give another folder"

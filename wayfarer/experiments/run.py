@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
-from wayfarer.errors import TrialNotRun
+from wayfarer.errors import MissingPart, TrialNotRun
 from wayfarer.experiments.campaign import Plan, Task
 from wayfarer.experiments.pool import TaskFailed, run_tasks
 from wayfarer.experiments.results import Results
@@ -86,7 +86,10 @@ def not_run(failed: TaskFailed, remedy: str) -> TrialNotRun:
     which = f"trial {task.trial} of {task.algorithm}" + (f" at point {task.point}" if task.point else "")
     if others:
         which += f", or one of the {len(others)} after it,"
-    return TrialNotRun(f"{which} could not be run: {failed.why}; {remedy}", getattr(failed.error, "exit_code", 1))
+    # Of a part that is missing the text has said already what to do.
+    told = isinstance(failed.error, MissingPart) and remedy.startswith("correct that and run it again")
+    why = failed.why if told else f"{failed.why}; {remedy}"
+    return TrialNotRun(f"{which} could not be run: {why}", getattr(failed.error, "exit_code", 1))
 
 
 class ComputeCost(NamedTuple):

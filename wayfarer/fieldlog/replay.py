@@ -18,7 +18,7 @@ import msgspec
 from pydantic import ValidationError
 
 from wayfarer.config.messages import explain
-from wayfarer.config.own_file import OwnFile, as_used
+from wayfarer.config.own_file import OwnFile, as_used, changed
 from wayfarer.config.registry import find_algorithm, refuse_code
 from wayfarer.config.rover_file import RoverConfig
 from wayfarer.control.controller import Controller
@@ -53,11 +53,13 @@ class Replay(NamedTuple):
 
     ``ticks`` decisions were compared. ``cut_elapsed_s`` is where records are missing in the log or garbled, or where a
     tick did not end: what follows cannot be replayed, because what the rover remembered there is not known.
+    ``changed_file`` is the algorithm's file, if it is not the one that was logged.
     """
 
     ticks: int
     difference: DecisionDifference | None
     cut_elapsed_s: float | None = None
+    changed_file: str | None = None
 
 
 def replay(run: Path, config: RoverConfig | None = None, *, allow_code: bool = False) -> Replay:
@@ -81,17 +83,17 @@ def replay(run: Path, config: RoverConfig | None = None, *, allow_code: bool = F
     ticks = 0
     for record in records:
         if reader.damage.missing or not rerun.add(record):
-            return Replay(ticks, None, cut_elapsed_s=record.elapsed_s)
+            return Replay(ticks, None, record.elapsed_s, rerun.changed_file)
         if not isinstance(record, Tick):
             continue
         today = rerun.tick(record)
         if today is None:
-            return Replay(ticks, None, cut_elapsed_s=record.elapsed_s)
+            return Replay(ticks, None, record.elapsed_s, rerun.changed_file)
         difference = compare(record, today)
         if difference is not None:
-            return Replay(ticks, difference)
+            return Replay(ticks, difference, changed_file=rerun.changed_file)
         ticks += 1
-    return Replay(ticks, None)
+    return Replay(ticks, None, changed_file=rerun.changed_file)
 
 
 class Rerun:
@@ -109,6 +111,7 @@ class Rerun:
         config = config or _config_of(header.config)
         files = {name: OwnFile(file.get("path", ""), file.get("blake2b", "")) for name, file in header.files.items()}
         algorithm = find_algorithm(as_used(header.algorithm, files))
+        self.changed_file = changed(header.algorithm, files)
         handler = algorithm.make(config.escape, config.vehicle, Random(header.algorithm_seed))
         detector = make_detector(config, needs_of(algorithm, config), header.parts)
         self._heard: list[tuple[float, Event]] = []  # what happens between two ticks, and when it counts

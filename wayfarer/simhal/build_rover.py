@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from wayfarer.config.factory import assemble
+from wayfarer.config.registry import BUILT_IN_DRIVERS
 from wayfarer.config.rover_file import RoverConfig, part_settings
 from wayfarer.config.settings import WHEEL_KEYS
 from wayfarer.errors import BadConfig
@@ -85,6 +86,8 @@ def bus_depth(
         driver = on_a_bus.pop(part)["driver"]
         if part != "light":
             lacks = f"rover '{config.name}': no simulated chip for '{driver}'; use --depth device"
+            if driver not in BUILT_IN_DRIVERS:
+                lacks += ', or name one in the driver: simulated_chip = "FILE.py:CHIP"'
             raise BadConfig(f"key 'parts.{part}.driver': {lacks}")
     rover = assemble(config.model_copy(update={"parts": on_a_bus}), buses)
     if "contact" not in on_a_bus and _has_bumper(config):

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from functools import partial
 from math import degrees, isfinite
 from random import Random
 from typing import Any
 
-from wayfarer.config.registry import algorithm_of
+from wayfarer.config.registry import OPTIONAL_PARTS, algorithm_of
 from wayfarer.escape.api import Anomaly, Decision, EscapeHandler, Observation, Phase
 from wayfarer.escape.catalogue import Algorithm
 from wayfarer.escape.settings import EscapeSettings, Vehicle
-from wayfarer.hal import STOP, ContactReading, Rover, Side
+from wayfarer.hal import STOP, ContactReading, Side
 from wayfarer.testing.promises import Promise, Report, checks_in, promised, run_all
 
 TICK_S = 0.0625  # a binary fraction, as are all angles: turning them together loses no digit
@@ -26,7 +25,6 @@ TABLE: list[Promise] = []
 
 _VEHICLE = Vehicle(length_m=0.4, width_m=0.4, track_m=0.5, max_speed_m_s=1.4)
 _PLAIN_NAME = re.compile(r"[a-z][a-z_]*(\.[a-z_]+)*")
-_OPTIONAL_PARTS = {field.name for field in fields(Rover)} - {"compass", "motors"}
 
 Drive = list[tuple[Observation, Decision]]
 _of = partial(promised, TABLE)
@@ -122,8 +120,8 @@ def _again(algorithm: Algorithm, seen: Sequence[Observation]) -> Iterator[tuple[
     ALGORITHM,
 )
 async def _requires_what_a_rover_can_have(algorithm: Algorithm) -> None:
-    if unknown := algorithm.requires - _OPTIONAL_PARTS:
-        raise AssertionError(f"requires is {sorted(unknown)}, and a rover can have {sorted(_OPTIONAL_PARTS)}")
+    if unknown := algorithm.requires - OPTIONAL_PARTS:
+        raise AssertionError(f"requires is {sorted(unknown)}, and a rover can have {sorted(OPTIONAL_PARTS)}")
 
 
 @_of(
