@@ -238,13 +238,14 @@ def test_what_no_file_can_be_called_is_not_there(tmp_path: Path, name: str) -> N
 
 
 def test_name_without_its_file_s_ending_is_told_what_to_write(tmp_path: Path) -> None:
-    written(tmp_path, "spiral.py", HANDLER)
-    with pytest.raises(UnknownName, match=rf"; a file spiral\.py is in {tmp_path}: write spiral\.py$"):
-        find_algorithm("spiral")
-    with pytest.raises(BadInput, match=r"cannot import spiral .*: write spiral\.py:Spiral$"):
-        find_algorithm("spiral:Spiral")
-    with pytest.raises(BadInput, match=r"no such file spiral; .* did you mean spiral\.py\?"):
-        find_algorithm("./spiral:Spiral")
+    # A name of its own: what other tests have loaded is in ``sys.path``.
+    written(tmp_path, "wall_follower.py", HANDLER)
+    with pytest.raises(UnknownName, match=rf"; a file wall_follower\.py is in {tmp_path}: write wall_follower\.py$"):
+        find_algorithm("wall_follower")
+    with pytest.raises(BadInput, match=r"cannot import wall_follower .*: write wall_follower\.py:Spiral$"):
+        find_algorithm("wall_follower:Spiral")
+    with pytest.raises(BadInput, match=r"no such file wall_follower; .* did you mean wall_follower\.py\?"):
+        find_algorithm("./wall_follower:Spiral")
 
 
 @pytest.mark.parametrize(

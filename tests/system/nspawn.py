@@ -52,6 +52,7 @@ Wants=dbus.socket
 After=dbus.socket
 [Service]
 Type=oneshot
+Environment=PYTHONPATH={VENV}/source
 ExecStart={VENV}/bin/python {VENV}/source/{{scenario}}
 ExecStopPost=/bin/systemctl poweroff --no-block
 StandardOutput=file:{RESULTS}/driver.txt
