@@ -325,7 +325,7 @@ def test_check_uses_the_calibration_and_calibrate_begins_without_it(
     save(own_folders / "state" / FILE_NAME, stored)
     used: list[Calibration] = []
 
-    def connect(config: Any, where: str, calibration: Calibration) -> Any:
+    def connect(config: Any, where: str, calibration: Calibration, **_: object) -> Any:
         used.append(calibration)
         raise BadInput("that is enough")
 
