@@ -142,6 +142,7 @@ class Recorder:
 
     def __init__(self, path: Path) -> None:
         self.requests: list[dict[str, Any]] = []
+        path.unlink(missing_ok=True)  # of the same test, which is run again
         self._listener = socket.socket(socket.AF_UNIX)
         self._listener.bind(str(path))
         self._listener.listen()
