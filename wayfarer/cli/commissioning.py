@@ -44,9 +44,7 @@ def check(
     rover: Rover = None,
     as_json: Annotated[
         bool,
-        typer.Option(
-            "--json", help="Print JSON for scripts (docs/reference/json.md). Asks no questions and turns no wheel."
-        ),
+        typer.Option("--json", help="Print JSON for scripts. Asks no questions and turns no wheel."),
     ] = False,
     log_dir: LogDir = None,
 ) -> None:

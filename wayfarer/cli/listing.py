@@ -177,7 +177,7 @@ def _print_keys(*, as_json: bool) -> None:
     console = Console()
     console.print("the simulated world and the campaign", highlight=False)
     console.print(table(columns, [row for row in rows if row["what"]]))
-    console.print("\nthe rover file; docs/reference/rover-file.md says what each key is", highlight=False)
+    console.print("\nthe rover file; its page in the documentation says what each key is", highlight=False)
     console.print(table(columns[:2], [row for row in rows if not row["what"]]))
 
 

@@ -122,9 +122,7 @@ def show(
     ticks: Annotated[bool, typer.Option("--ticks", help="Print every control tick.")] = False,
     as_json: Annotated[
         bool,
-        typer.Option(
-            "--json", help="Print each line as a JSON object for scripts; docs/reference/json.md describes it."
-        ),
+        typer.Option("--json", help="Print each line as a JSON object for scripts."),
     ] = False,
 ) -> None:
     """Show all events of a run, from its beginning."""

@@ -133,7 +133,7 @@ AllowCode = Annotated[
         help="Run code that a log or results name, 'FILE.py' or 'module:attribute': only if you trust the writer.",
     ),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts; docs/reference/json.md describes it.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for scripts.")]
 
 
 def examples(*commands: str) -> str:

@@ -187,12 +187,12 @@ def _device_files(host: HostEnvironment, pattern: str) -> list[str]:
 
 HEAD = """# Written by `wayfarer init`, from {model}.toml. Fill in what FILL IN marks;
 # `wayfarer check` shows what is still wrong.
-# docs/reference/rover-file.md lists all keys with their defaults and what they mean.
+# The documentation's page "Rover file" lists all keys with their defaults and what they mean.
 name = {name}"""
 FILL_IN = {
     "vehicle": "{model}'s; measure your own",
     "chassis": "{model}'s; measure your own, or delete this table",
-    "escape": "for {model}'s top speed; see docs/reference/rover-file.md",
+    "escape": "for {model}'s top speed",
 }
 # A part that did not answer, or cannot be asked, by its driver.
 UNSEEN = {

@@ -92,7 +92,7 @@ class RoverConfig(BaseModel):
     anomaly_source: Annotated[str, Field(max_length=_TEXT_MAX, json_schema_extra={"pattern": SOURCES})] = "motion"
     """Who notices that the rover is stuck: one or more of `motion`, `contact`, `wheels`, `current` and `yaw`, joined by
     `+`, such as `wheels+current`. `contact` goes with the motion sensor, if there is one. Without `motion` nothing sees
-    wheels that spin: docs/explanation/witnesses.md says what each cannot see."""
+    wheels that spin."""
     vehicle: Vehicle
     chassis: Chassis = Chassis()
     rates: Rates = Rates()

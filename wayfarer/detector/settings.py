@@ -50,7 +50,7 @@ class DetectorSettings:
     """For how long it must be tilted. PX4's attitude trigger takes 0.3 s."""
     tipping_deg: Angle = 45.0
     """A body that climbs fast tips over within ``tilt_s``. One that will reach this angle within ``tipping_s``, at its
-    present rate, counts as tilted at once. The shipped bodies tip at 51 degrees (docs/explanation/physics.md)."""
+    present rate, counts as tilted at once. The shipped bodies tip at 51 degrees."""
     tipping_s: ShortSecondsOrZero = 0.2
     """See ``tipping_deg``: a reading, a tick and the motors' lag together."""
 

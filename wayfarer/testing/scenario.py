@@ -209,7 +209,9 @@ def _text_of(path: Path) -> str:
     try:
         return read_regular(path, FILE_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
-        raise BadConfig(f"{path}: no such file; docs/reference/faults.md shows how to write one") from None
+        raise BadConfig(
+            f'{path}: no such file; the documentation\'s page "Faults on purpose" shows how to write one'
+        ) from None
     except OSError as error:
         raise BadConfig(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # no UTF-8, or a name that no file can have

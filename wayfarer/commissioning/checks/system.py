@@ -272,7 +272,7 @@ def card_troubles(health: CardHealth, sync_ms: float = 0.0) -> list[Finding]:
          "see which (iotop), else replace the card"),
         (health.disk_memory, "memory",
          f"the logs are in memory ({health.disk_memory}), lost at power-off: the root is read-only, or it is a tmpfs",
-         "log to a partition that is written (docs/how-to/unattended.md)"),
+         "log to a partition that is written, such as one of its own at /var/lib/wayfarer"),
     )  # fmt: skip
     return [warn(kind, text, remedy) for wrong, kind, text, remedy in told if wrong]
 
