@@ -56,13 +56,13 @@ LADDER_TEXTS: Mapping[str, str] = {
     "ladder.long_back": "no progress, so it goes a long way back",
     "ladder.random_turn": "no progress, so it tries a random turn",
     "ladder.shuffle": "no progress, so it shuffles to the side",
-    "ladder.blind_detour": "driven long without sight, so it drives back, turns at random and drives on",
+    "ladder.blind_detour": "driven far without seeing the ground, so it drives back, turns at random and drives on",
 }
 
 PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
     "motion": "motion sensor",
     "contact": "bumper",
-    "wheels": "wheels' sensor",
+    "wheels": "wheel sensor",
     "position": "position receiver",
 }
 
@@ -92,8 +92,8 @@ _REASONS: Mapping[str, str] = {
 # -- conditions ------------------------------------------------------------------------------------------------------
 
 KIND_TEXTS: Mapping[Kind, str] = {
-    Kind.DANGER: "wheels may turn unasked, may not stop, or may turn when nobody expects it",
-    Kind.IGNORANCE: "a sense is silent, or cannot be believed",
+    Kind.DANGER: "wheels may turn without a command, may not stop, or may turn when nobody expects it",
+    Kind.IGNORANCE: "a sensor is silent, or its readings are wrong",
     Kind.WEAKNESS: "supply or drive cannot give what is asked for",
     Kind.FOREST: "the ground or an obstacle holds the rover",
     Kind.OPERATOR: "a person asked for it",
@@ -115,9 +115,9 @@ class Words(NamedTuple):
 
 
 _STANDS_FOR_COMPASS = (
-    "stands while the compass is opened again; after 3 s it reckons the heading, unless it drives among people"
+    "stops while the compass is opened again; after 3 s it estimates the heading, unless it drives among people"
 )
-_COMPASS_IS_BACK = "the compass is believed again, or the heading is reckoned"
+_COMPASS_IS_BACK = "the compass is plausible again, or the heading is estimated"
 _BLIND = "drives a stride ahead (3 m, MiniRover 1 m), less if steering turns nothing, then turns away as if stuck"
 _SEES = "the motion sensor sees the ground again"
 _DISARMS = "stops and disarms"
@@ -127,7 +127,7 @@ WORDS: Mapping[Condition, Words] = {
     Condition.COMPASS_STALE: Words("the compass is silent", _STANDS_FOR_COMPASS, _COMPASS_IS_BACK),
     Condition.COMPASS_LOST: Words(
         "the compass has been silent for seconds",
-        f"{_DISARMS}; a rover on a mission reckons its heading before that, unless it drives among people",
+        f"{_DISARMS}; a rover on a mission estimates its heading before that, unless it drives among people",
         f"the compass answers and {_ARMED_AGAIN}",
         cause="a loose wire, or no power",
         remedy="check the compass's wires and power; wayfarer check",
@@ -140,13 +140,13 @@ WORDS: Mapping[Condition, Words] = {
     ),
     Condition.COMPASS_UNCALIBRATED: Words(
         "the compass has lost its calibration",
-        "drives on, and does not believe the compass for a second after each jump of the heading",
+        "drives on, and does not use the compass for a second after each jump of the heading",
         "the compass reports its calibration again",
     ),
     Condition.HEADING_RECKONED: Words(
-        "the compass cannot be believed: the heading is reckoned from the wheels",
-        "drives on by its wheel commands and the turn response that it has learnt",
-        "the compass has been believed for 1 s",
+        "the compass cannot be used: the heading is estimated from the wheels",
+        "drives on with the heading that follows from its wheel commands and the turn response that it has learnt",
+        "the compass has been plausible for 1 s",
     ),
     Condition.MOTION_UNKNOWN: Words("the motion sensor's picture is too poor", _BLIND, _SEES),
     Condition.MOTION_STALE: Words(
@@ -163,19 +163,19 @@ WORDS: Mapping[Condition, Words] = {
         "the bumper is silent", "drives on without it; the bumper is opened again every 2 s", "the bumper answers"
     ),
     Condition.WHEELS_STALE: Words(
-        "the wheels' sensor is silent", "drives on without it; the sensor is opened again every 2 s", "it answers"
+        "the wheel sensor is silent", "drives on without it; the sensor is opened again every 2 s", "it answers"
     ),
     Condition.SLIP_UNSEEN: Words(
-        "nothing tells whether the rover moves: wheels that spin look like driving",
+        "no sensor shows whether the rover moves: wheels that spin look like driving",
         _BLIND,
         "it has a motion sensor, named in anomaly_source",
     ),
     Condition.OVERTURNED: Words(
         "the rover lies on its side or roof",
         _DISARMS,
-        f"it stands on its wheels and {_ARMED_AGAIN}",
+        f"it is back on its wheels and {_ARMED_AGAIN}",
         cause="it lies on its side or roof, or its compass is mounted askew",
-        remedy="stand it on its wheels",
+        remedy="put it on its wheels",
     ),
     Condition.RUNAWAY: Words(
         "the rover moves although its wheels are commanded to stop",
@@ -183,7 +183,7 @@ WORDS: Mapping[Condition, Words] = {
         _ARMED_AGAIN,
     ),
     Condition.DRIVE_REVERSED: Words(
-        "the rover turns the other way than its wheels are commanded", _DISARMS, _ARMED_AGAIN
+        "the rover turns in the direction opposite to its commands", _DISARMS, _ARMED_AGAIN
     ),
     Condition.CANNOT_TURN: Words(
         "the rover does not turn on the spot at full duty: the ground or an obstacle holds it",
@@ -200,12 +200,12 @@ WORDS: Mapping[Condition, Words] = {
     ),
     Condition.RESTING: Words(
         "the rover makes no progress: it rests, so that its motors cool, and tries again",
-        "stands for 30 s; each rest without progress is twice as long as the last one, up to 10 minutes",
+        "stops for 30 s; each rest without progress is twice as long as the last one, up to 10 minutes",
         "the rest is over",
     ),
     Condition.MOTORS_FAILED: Words(
         "the motor board did not answer, or it had a fault",
-        "stands, and opens the board again after 1, 2, 4 s and so on, up to 60 s",
+        "stops, and opens the board again after 1, 2, 4 s and so on, up to 60 s",
         "the board answers, its deadman is on, it reports no fault, and the light has blinked",
     ),
     Condition.BOARD_DISAGREES: Words(
@@ -221,7 +221,7 @@ WORDS: Mapping[Condition, Words] = {
         "the board reports again",
     ),
     Condition.BATTERY_LOW: Words(
-        "the battery is low", "drives on, and says so", "the battery's voltage is above the limit"
+        "the battery is low", "drives on, and reports it", "the battery's voltage is above the limit"
     ),
     Condition.BATTERY_CRITICAL: Words(
         "the battery is almost empty",
@@ -242,14 +242,14 @@ WORDS: Mapping[Condition, Words] = {
         cause="the computer's supply dips again and again",
         remedy="give it a separate 5 V supply",
     ),
-    Condition.OPERATOR_HOLD: Words("an operator asked to hold", "stands", "somebody resumes it"),
+    Condition.OPERATOR_HOLD: Words("an operator asked to hold", "stays stopped", "somebody resumes it"),
     Condition.RESUME_WARNING: Words(
         "the rover drives on in a moment: step away",
-        "stands for a second more while its light blinks",
+        "stays stopped for one more second while its light blinks",
         "the second is over",
     ),
     Condition.TICK_LATE: Words(
-        "the control tick came late", "stands, because an old decision must not act", "a tick comes in time"
+        "the control tick came late", "stops, because an old decision must not be used", "a tick comes in time"
     ),
     Condition.DECISION_INVALID: Words("the algorithm gave an invalid command", _DISARMS, _ARMED_AGAIN),
 }
@@ -269,10 +269,10 @@ def said_of(condition: Condition, level: Level, *, by_hand: bool = False) -> Sai
     row, words = TABLE[condition], WORDS[condition]
     obeys = by_hand and level < Level.HOLD and row.kind in {Kind.IGNORANCE, Kind.FOREST}  # no manoeuvre is begun
     if obeys or (level is MANUAL_LEVELS[condition] and level is not row.level):
-        return Said("drives as the person wants", words.ends_when)
+        return Said("drives as the person commands", words.ends_when)
     if level is row.level:
         return Said(words.does, words.ends_when)
-    return Said(_DISARMS, _ARMED_AGAIN) if level is Level.FAULT else Said("stands", words.ends_when)
+    return Said(_DISARMS, _ARMED_AGAIN) if level is Level.FAULT else Said("stays stopped", words.ends_when)
 
 
 # -- every name -------------------------------------------------------------------------------------------------------
@@ -306,7 +306,9 @@ def level_text(level: str, cause: str | None) -> str:
 
 
 def response_text(level: object, cause: object, *, by_hand: bool = False) -> str:
-    """Return what an armed rover does because of a condition, and until when: "it stands, until a tick comes in time".
+    """Return what an armed rover does because of a condition, and until when.
+
+    For example "it stays stopped, until a tick comes in time".
 
     ``by_hand``: what it does while a person drives. Empty if the names are unknown, as they may be in a log.
     """

@@ -235,7 +235,7 @@ def test_run_without_a_part_names_it_before_any_port(tmp_path: Path, run: Run) -
     [
         ("linuxx", "unknown buses 'linuxx': did you mean linux?"),
         ("no_such:Buses", "buses 'no_such:Buses': cannot import no_such (No module named 'no_such'); is it installed?"),
-        ("os:getcwd", "buses 'os:getcwd': os:getcwd gives no wayfarer.drivers.buses.Buses"),
+        ("os:getcwd", "buses 'os:getcwd': os:getcwd does not give a wayfarer.drivers.buses.Buses"),
         ("os:sep", "buses 'os:sep': os:sep gives no buses: TypeError: 'str' object is not callable"),
         ("sys:exit", "buses 'sys:exit': sys:exit gives no buses: SystemExit"),
     ],

@@ -95,7 +95,7 @@ def test_part_that_cannot_be_used_is_told_by_its_key(tmp_path: Path, tables: str
 
 async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     class Flow:
-        name, error_counts = "bench flow", MappingProxyType({"garbage rejected": 2})
+        name, error_counts = "bench flow", MappingProxyType({"impossible readings rejected": 2})
         open, close = AsyncMock(), AsyncMock()
         read = AsyncMock(return_value=MotionReading(3.0, 0.4, -0.2, 0.7, signed=False))
 
@@ -106,7 +106,7 @@ async def test_calibrated_metres_are_scaled_and_nothing_else_is() -> None:
     assert await scaled.read() == MotionReading(3.0, 0.4 * 1.25, -0.2 * 1.25, 0.7, signed=False)
     await scaled.close()
     assert [method.await_count for method in (Flow.open, Flow.read, Flow.close)] == [1, 1, 1]
-    assert error_counts_of(scaled) == {"garbage rejected": 2}
+    assert error_counts_of(scaled) == {"impossible readings rejected": 2}
 
 
 def test_only_a_rover_whose_flow_was_calibrated_is_scaled(tmp_path: Path) -> None:

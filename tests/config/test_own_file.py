@@ -282,10 +282,14 @@ def test_file_that_fails_is_told_by_its_last_line(
     [
         ("", "own.py", "nothing in it fits: no class is in it"),
         ("class A: ...", "own.py:A", r"own\.py:A lacks decide\(\), memory\(\), reset\(\); write that, then check_algo"),
-        ("def a(): ...", "own.py:a", r"own\.py:a is a function, and neither a class nor a wayfarer"),
+        ("def a(): ...", "own.py:a", r"own\.py:a is a function, neither a class nor a wayfarer"),
         (HANDLER, "own.py:Spirale", r"own\.py has no 'Spirale': did you mean Spiral\?$"),
-        (HANDLER + "Spiral.requires = ('contact')", "own.py", r"has requires = 'contact', which is no tuple of names"),
-        (HANDLER + "Spiral.requires = 1", "own.py", r"has requires = 1, which is no tuple of names"),
+        (
+            HANDLER + "Spiral.requires = ('contact')",
+            "own.py",
+            r"has requires = 'contact', which is not a tuple of names",
+        ),
+        (HANDLER + "Spiral.requires = 1", "own.py", r"has requires = 1, which is not a tuple of names"),
         (
             HANDLER + "Spiral.requires = ('bumper',)",
             "own.py",

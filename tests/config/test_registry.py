@@ -69,7 +69,7 @@ def test_third_party_s_driver(name: str) -> None:
         ("gone", "cannot import no_such_package"),
         ("json:nothing", "module json has no 'nothing'"),
         ("json:", "'json:': nothing in it fits: no class is in it"),
-        ("json:dumps", "json:dumps is a function, and neither a class nor a wayfarer.escape.catalogue.Algorithm"),
+        ("json:dumps", "json:dumps is a function, neither a class nor a wayfarer.escape.catalogue.Algorithm"),
         ("odd", r"'odd': json:JSONDecoder lacks decide\(\), memory\(\), reset\(\)"),
         (":it", "':it'"),
         (".relative:it", "'.relative:it'"),

@@ -237,7 +237,7 @@ async def test_client_that_has_gone_leaves_the_rover_as_it_was() -> None:
     await driver.bench.tick(round((LEASE_S + 0.1) / TICK_S))
     assert driver.bench.controller.mode is Mode.DISARMED
     assert driver.bench.log.named("manual_ended") == [
-        {"reason": "nothing was heard of keys for 2 s", "mode": "disarmed"}
+        {"reason": "nothing was heard from keys for 2 s", "mode": "disarmed"}
     ]
 
 

@@ -56,7 +56,7 @@ def test_stop_that_never_returns_is_sent_without_waiting_and_the_run_ends_soon(s
     assert shop.times("motors.halt")[0] < 1.5
     assert max(shop.times("motors.drive")) < shop.times("motors.halt")[0]
     assert {f"{part}.close" for part in PARTS} <= set(shop.done)
-    assert shop.named("stop_not_confirmed")[0] == {"part": "motors", "error": "no end within 0.3 s"}
+    assert shop.named("stop_not_confirmed")[0] == {"part": "motors", "error": "not finished within 0.3 s"}
     assert shop.times("log.close")[0] < 1.0 + ENDS_WITHIN_S
 
 
@@ -166,7 +166,7 @@ def test_run_that_is_ended_or_cancelled_while_a_part_opens_ends_at_once(shop: Wo
     [
         (None, None),
         (STOP, None),
-        (WheelCommand(0.3, 0.0), "the board still says 0.30 and 0.00"),
+        (WheelCommand(0.3, 0.0), "the board still reports 0.30 and 0.00"),
         (NotResponding("no answer"), "no answer"),
     ],
 )

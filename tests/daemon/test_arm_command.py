@@ -198,7 +198,7 @@ async def test_rover_that_lies_on_its_roof_is_refused_at_once_and_told_what_to_d
 
     run.rig.compass.tilt_deg = 170.0
     await asyncio.sleep(1.0)
-    with pytest.raises(RequestRefused, match=r"not armed: overturned: .*stand it on its wheels"):
+    with pytest.raises(RequestRefused, match=r"not armed: overturned: .*put it on its wheels"):
         await run.commands.arm(asked(), 0.0)
     assert run.mode == "disarmed"
     assert run.log.named("arming_refused") == [{"failed": ["overturned"]}]

@@ -176,7 +176,7 @@ async def test_status_says_what_is_wrong(run: Run) -> None:
     assert told["mode"] == "armed"
     assert (told["level"], told["cause"]) == ("hold", "motors_failed")
     assert 0.0 <= told["cause_for_s"] <= 2.5
-    assert told["does"].startswith("stands, and opens the board again")
+    assert told["does"].startswith("stops, and opens the board again")
     assert "its deadman is on" in told["ends_when"]
     await run.commands.disarm()
     assert "does" not in await run.status(), "a rover that is disarmed does nothing"

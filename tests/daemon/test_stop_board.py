@@ -92,7 +92,7 @@ def test_rover_without_motors_has_no_wheels_to_stop(rover_file: Path, text: str)
             BadInput,
             "needs the same pins",
         ),
-        ('buses = "os:getcwd"\n' + THUNDERBORG, BadInput, "os:getcwd gives no wayfarer.drivers.buses.Buses"),
+        ('buses = "os:getcwd"\n' + THUNDERBORG, BadInput, "os:getcwd does not give a wayfarer.drivers.buses.Buses"),
         (
             '[parts.motors]\ndriver = "tests.daemon.left_turning:Careless"\n',
             WayfarerError,

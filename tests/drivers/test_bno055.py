@@ -173,7 +173,7 @@ async def test_identity_that_was_garbled_once_is_read_again() -> None:
 def test_frozen_sensors_are_noticed(line: str) -> None:
     bench = Bench(line)
     bench.chip.frozen = True
-    with pytest.raises(BadReading, match=r"its sensors measure nothing new, they repeat .*; turn its power off and on"):
+    with pytest.raises(BadReading, match=r"its sensors send nothing new, they repeat .*; turn its power off and on"):
         run_virtually(bench.opened())
 
 
@@ -358,7 +358,7 @@ async def test_console_on_the_port_is_told_from_a_part() -> None:
 
     buses = FakeBuses()
     buses.serial(UART).attach(Console())
-    with pytest.raises(BadReading, match=r"it answered 72 61 73 .*, which no BNO055 says; .*console"):
+    with pytest.raises(BadReading, match=r"it answered 72 61 73 .*, which a BNO055 never sends; .*console"):
         await BNO055(BNO055Settings(port=UART), buses).open()
 
 

@@ -312,7 +312,7 @@ async def test_a_daemon_that_is_gone_is_said_so_and_comes_back_by_opening_again(
 
     async with served(script) as client:
         await client.open()
-        with pytest.raises(NotResponding, match=r"gpsd at 127\.0\.0\.1:\d+: hung up"):
+        with pytest.raises(NotResponding, match=r"gpsd at 127\.0\.0\.1:\d+: has closed the connection"):
             await fix_from(client)
         await client.open()
         assert (await fix_from(client)).error_m == ERROR_M

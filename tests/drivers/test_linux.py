@@ -86,7 +86,7 @@ async def test_link_to_an_spi_device_is_followed_and_another_file_is_refused(bus
     link.unlink()
     link.symlink_to("/dev/null")
     assert await said_of_spi(buses, str(link)) == (
-        f"{link}: leads to /dev/null, which is no SPI device, such as /dev/spidev0.1; "
+        f"{link}: leads to /dev/null, which is not an SPI device, such as /dev/spidev0.1; "
         "correct its name in the rover file"
     )
     assert await said_of_spi(buses, "/dev/spidev123456789.0") == (
@@ -190,7 +190,7 @@ async def test_part_that_does_not_answer_is_told_in_time_and_is_no_bus_that_hang
     await port.write(b"")
     with Device(far) as device:
         began_s = time()
-        with pytest.raises(NotResponding, match=f"^{near}: no whole answer within 0.03 s, nothing came$"):
+        with pytest.raises(NotResponding, match=f"^{near}: no complete answer within 0.03 s, nothing came$"):
             await port.exchange(b"?\n", whole_line, within_s=0.03)
         assert 0.03 <= time() - began_s < TRANSFER_DEADLINE_S
         device.pieces = (b"o",)

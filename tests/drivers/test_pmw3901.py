@@ -127,7 +127,7 @@ async def test_ground_at_the_speed_limit_is_never_garbage_however_late_bus_and_l
     for pause_s, bus.before_s, bus.after_s in reads:
         await asyncio.sleep(pause_s)
         await flow.read()
-    assert flow.error_counts["garbage rejected"] == 0
+    assert flow.error_counts["impossible readings rejected"] == 0
 
 
 # -- the start-up
@@ -269,7 +269,7 @@ async def test_spike_is_dropped_and_the_next_reading_is_good() -> None:
         await flow.read()
     await asyncio.sleep(0.05)
     assert (await flow.read()).forward_m == pytest.approx(8 * 0.000213195)
-    assert flow.error_counts == {"garbage rejected": 1}
+    assert flow.error_counts == {"impossible readings rejected": 1}
 
 
 @pytest.mark.parametrize(

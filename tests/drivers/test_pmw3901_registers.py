@@ -56,4 +56,4 @@ def test_more_counts_than_the_chip_can_see_in_the_time_are_garbage(longest_s: fl
 
 
 def test_counts_without_motion_contradict_themselves() -> None:
-    assert contradiction(decode(STANDING)._replace(dy=1), 0.05, LIMIT_COUNTS_S) == "counts, and no motion seen"
+    assert contradiction(decode(STANDING)._replace(dy=1), 0.05, LIMIT_COUNTS_S) == "counts, but no motion seen"

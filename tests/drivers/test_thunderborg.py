@@ -227,7 +227,7 @@ async def test_another_part_at_the_address_is_named() -> None:
 
 @pytest.mark.parametrize(
     ("command", "answer", "said"),
-    [(13, b"\x03\x64", "motor B says direction 3"), (21, b"\x04\x00", "battery reads 1024")],
+    [(13, b"\x03\x64", "motor B reports direction 3"), (21, b"\x04\x00", "battery reads 1024")],
 )
 @virtual
 async def test_an_answer_that_cannot_be_true_is_refused(command: int, answer: bytes, said: str) -> None:

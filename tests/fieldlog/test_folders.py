@@ -165,7 +165,7 @@ def test_number_that_two_runs_have_names_both(tmp_path: Path) -> None:
 def test_other_file_beside_a_log_is_no_log(tmp_path: Path) -> None:
     other = make(tmp_path, f"00001-{TIME}") / "notes.jsonl"
     other.touch()
-    with pytest.raises(BadInput, match="is no field log"):
+    with pytest.raises(BadInput, match="is not a field log"):
         find_run(str(other), tmp_path)
 
 
@@ -178,7 +178,7 @@ def test_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "logs").touch()
     with pytest.raises(BadInput, match=r"logs: no folder can be made for the field log: (File exists|Not a dir)"):
         new_run_folder(tmp_path / "logs")
-    with pytest.raises(BadInput, match="Not a directory: a file stands where the folder should be"):
+    with pytest.raises(BadInput, match="Not a directory: a file is in the place of the folder"):
         new_run_folder(tmp_path / "logs" / "runs")
     with pytest.raises(BadInput, match="the logs' folder cannot be read: Not a directory"):
         run_folders(tmp_path / "logs")

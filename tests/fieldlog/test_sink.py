@@ -106,7 +106,7 @@ def test_log_of_a_trial_is_never_written_over_and_no_trial_begins_without_one(tm
     (tmp_path / "run.00001.jsonl").write_bytes(b"precious")
     with pytest.raises(BadInput, match="File exists: log into a separate folder"):
         Log(tmp_path)
-    with pytest.raises(BadInput, match="Not a directory: a file stands where the folder should be"):
+    with pytest.raises(BadInput, match="Not a directory: a file is in the place of the folder"):
         Log(tmp_path / "run.00001.jsonl" / "run")
     assert (tmp_path / "run.00001.jsonl").read_bytes() == b"precious"
 
@@ -391,7 +391,7 @@ def test_closing_leaves_a_disk_that_does_not_answer_and_says_what_is_missing(
         rover.sink.put(tick(number))
     rover.sink.close()
     assert rover.sink.dropped == 30
-    assert rover.told == ["the disk did not take the end of the field log: its last 30 records may be missing"]
+    assert rover.told == ["the end of the field log could not be written: its last 30 records may be missing"]
     rover.sink.put(event(32), urgent=True)
     assert rover.sink.dropped == 31
     disk.well.set()

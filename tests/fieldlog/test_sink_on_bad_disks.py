@@ -200,7 +200,7 @@ def test_nearly_full_disk_takes_no_ticks_but_events(tmp_path: Path, monkeypatch:
     assert numbers(tmp_path) == [2, 3, 5, 7, 9, 10, 11, 12, 13], "41 MB are too near to 40 to begin again"
     assert log.sink.dropped == 3
     assert log.told == [
-        f"{tmp_path}: the field log takes only events and positions: less than 40 MB are free: delete old runs; "
+        f"{tmp_path}: the field log records only events and positions: less than 40 MB are free: delete old runs; "
         "the rover drives on",
         "the field log is written again; records missing: 3",
     ]

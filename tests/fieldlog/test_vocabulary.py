@@ -64,7 +64,7 @@ def test_hold_that_a_person_asked_for_ends_with_resume_and_any_other_by_itself()
 
 def test_response_says_what_the_rover_does_and_until_when() -> None:
     assert response_text("hold", "tick_late") == (
-        "it stands, because an old decision must not act, until a tick comes in time"
+        "it stops, because an old decision must not be used, until a tick comes in time"
     )
     assert ends_text("hold", "tick_late") == "a tick comes in time"
 
@@ -72,7 +72,7 @@ def test_response_says_what_the_rover_does_and_until_when() -> None:
 def test_response_of_a_rover_among_people_is_another_one() -> None:
     assert response_text("degrade", "motion_stale").startswith("it drives a stride ahead")
     assert response_text("fault", "motors_failed") == "it stops and disarms, until somebody arms the rover again"
-    assert response_text("hold", "motion_stale") == "it stands, until the motion sensor sees the ground again"
+    assert response_text("hold", "motion_stale") == "it stays stopped, until the motion sensor sees the ground again"
 
 
 @pytest.mark.parametrize(("level", "cause"), [("hold", "made up"), ("made up", "tick_late"), (None, None), (3, ["x"])])

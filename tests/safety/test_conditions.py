@@ -64,6 +64,6 @@ def test_among_people_nothing_is_less_severe_and_what_blinds_holds() -> None:
 def test_rover_that_a_person_drives_is_not_said_to_begin_a_manoeuvre() -> None:
     manoeuvres = {Condition.MOTION_STALE, Condition.DRIVE_REVERSED, Condition.CANNOT_TURN, Condition.COMPASS_LOST}
     for condition in manoeuvres:
-        assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == "drives as the person wants"
+        assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == "drives as the person commands"
     for condition in (Condition.TICK_LATE, Condition.UNDERVOLTAGE, Condition.BATTERY_CRITICAL):
         assert said_of(condition, MANUAL_LEVELS[condition], by_hand=True).does == WORDS[condition].does

@@ -98,7 +98,7 @@ async def test_serial_line_without_a_listener_takes_everything_and_tells_nothing
 @virtual
 async def test_answer_of_a_chip_comes_at_once_and_one_that_is_not_whole_is_waited_for() -> None:
     port, loop = FakeSerial("serial"), asyncio.get_running_loop()
-    with pytest.raises(NotResponding, match=r"serial: no whole answer within 0\.05 s, nothing came"):
+    with pytest.raises(NotResponding, match=r"serial: no complete answer within 0\.05 s, nothing came"):
         await port.exchange(b"\x80", lambda came: 2 - len(came))
     port.attach(Echo())
     assert await port.exchange(b"\x80\x81", lambda came: 2 - len(came)) == b"\x81\x80"

@@ -60,9 +60,9 @@ def epoch(second: int, *, time: str | None = None, place: str = LATITUDE) -> str
 
 # What another receiver says in each second, and what check says if it is the only one.
 OTHERS: dict[str, tuple[Callable[[int], str], str]] = {
-    "hung": (lambda _: epoch(5), "has said nothing new"),
+    "hung": (lambda _: epoch(5), "has sent nothing new"),
     "without fix": (lambda second: epoch(second, place=""), "has no fix"),
-    "without time": (lambda second: epoch(second, time=""), "tells a position and no time"),
+    "without time": (lambda second: epoch(second, time=""), "sends a position without a time"),
 }
 
 
@@ -128,7 +128,7 @@ async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemo
             assert fix.utc_s is not None
             assert 0.0 <= fix.utc_s - NOON_S < 600.0
         daemon.kill()
-        with pytest.raises(NotResponding, match="hung up"):
+        with pytest.raises(NotResponding, match="closed the connection"):
             await next_fix(daemon.client, float("inf"))
         with pytest.raises(NotResponding, match="sudo apt install gpsd"):
             await daemon.client.open()

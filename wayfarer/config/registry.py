@@ -140,7 +140,7 @@ def make_buses(name: str) -> Any:
     except (Exception, SystemExit) as error:  # a third party's may raise anything; what is no function cannot be called
         raise BadInput(f"buses '{name}': {path} gives no buses: {kind_and_text(error)}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
-        raise BadInput(f"buses '{name}': {path} gives no wayfarer.drivers.buses.Buses")
+        raise BadInput(f"buses '{name}': {path} does not give a wayfarer.drivers.buses.Buses")
     return buses
 
 
@@ -197,7 +197,7 @@ def _algorithm_misfit(found: Any) -> str:
     if isinstance(found, Algorithm):
         return _requires_misfit(found.requires)
     if not isinstance(found, type):
-        return f"is a {type(found).__name__}, and neither a class nor a wayfarer.escape.catalogue.Algorithm"
+        return f"is a {type(found).__name__}, neither a class nor a wayfarer.escape.catalogue.Algorithm"
     if lacks := _lacks(found, EscapeHandler):
         return f"lacks {lacks}"
     decide = getattr_static(found, "decide")
@@ -208,7 +208,7 @@ def _algorithm_misfit(found: Any) -> str:
 
 def _requires_misfit(requires: object) -> str:
     if isinstance(requires, str) or not isinstance(requires, Collection):
-        return f"has requires = {requires!r}, which is no tuple of names, such as ('contact',)"
+        return f"has requires = {requires!r}, which is not a tuple of names, such as ('contact',)"
     if unknown := [name for name in requires if name not in OPTIONAL_PARTS]:
         return f"has {unknown[0]!r} in requires, and a rover can have {', '.join(sorted(OPTIONAL_PARTS))}"
     return ""
@@ -218,7 +218,7 @@ def _driver_misfit(found: Any) -> str:
     """Return why something is no driver; nothing if it can be one."""
     kinds = get_type_hints(Rover)
     if not isinstance(found, type):
-        return f"is a {type(found).__name__} and no class"
+        return f"is a {type(found).__name__}, not a class"
     if (part := getattr(found, "part", None)) not in list(kinds):
         if part is None:
             return f"lacks the class attribute part, one of {', '.join(kinds)}"

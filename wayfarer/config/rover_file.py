@@ -50,7 +50,7 @@ class LogSettings:
     4 GB that a file may have on FAT. A rover is armed only if one fits beside ``free_mb``."""
     run_mb: Annotated[float, Interval(ge=10, le=500_000)] = 1000.0
     """A longer run, which is most of a day and should be several parts, loses its oldest parts, but never the first,
-    which says how it began: a daemon that stands disarmed for weeks must not fill the card."""
+    which says how it began: a daemon that stays disarmed for weeks must not fill the card."""
     free_mb: Annotated[float, Interval(ge=0, le=50_000)] = 100.0
     """With less left on the disk only events are written: the computer needs that to boot and to let a person log
     in."""
@@ -69,15 +69,15 @@ class Rates(BaseModel):
     model_config = _STRICT
 
     compass_hz: Hertz = 20.0
-    """Readings of the compass a second."""
+    """Readings of the compass per second."""
     motion_hz: Hertz = 20.0
-    """Readings of the motion sensor a second."""
+    """Readings of the motion sensor per second."""
     contact_hz: Hertz = 20.0
-    """Readings of the bumper a second."""
+    """Readings of the bumper per second."""
     wheels_hz: Hertz = 20.0
-    """Readings of the wheels' encoders and currents a second."""
+    """Readings of the wheels' encoders and currents per second."""
     position_hz: Hertz = 1.0
-    """Readings of the receiver a second."""
+    """Readings of the receiver per second."""
 
 
 class RoverConfig(BaseModel):
@@ -88,7 +88,7 @@ class RoverConfig(BaseModel):
     name: str = Field(min_length=1, max_length=40)
     """What this rover is called in logs and reports."""
     control_hz: Hertz = 20.0
-    """Control ticks a second."""
+    """Control ticks per second."""
     anomaly_source: Annotated[str, Field(max_length=_TEXT_MAX, json_schema_extra={"pattern": SOURCES})] = "motion"
     """Who notices that the rover is stuck: one or more of `motion`, `contact`, `wheels`, `current` and `yaw`, joined by
     `+`, such as `wheels+current`. `contact` goes with the motion sensor, if there is one. Without `motion` nothing sees

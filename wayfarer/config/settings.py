@@ -59,7 +59,7 @@ class MavlinkSettings:
     """The link is lost after this time without a heartbeat of a station (5 s, as ArduPilot's FS_GCS_TIMEOUT)."""
     bytes_per_s: Annotated[int, Interval(ge=500, le=1_000_000)] = 2880
     """All messages together take at most so many bytes per second: half of what a radio of 57,600 baud carries, with
-    10 bits a byte."""
+    10 bits per byte."""
     attitude_hz: StreamHertz = 4.0
     """Rate of the attitude."""
     position_hz: StreamHertz = 2.0

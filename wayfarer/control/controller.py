@@ -183,7 +183,7 @@ class Controller:
         self._begins_anew = True
         self._gate.levels = self.levels
         mode = self.mode.value
-        text = f"Nobody drives by hand any more, the rover is {mode}: {reason}"
+        text = f"Nobody drives by hand any more; the rover is {mode}: {reason}"
         self._log.logger.info("manual_ended", t_s=t_s, text=text, reason=reason, mode=mode)
         return outcome
 
@@ -288,7 +288,7 @@ class Controller:
         """Decide one control tick; the caller sends ``wheels`` of the record to the motors, whatever they are."""
         t_s = inputs.t_s
         if self.mode is _MANUAL and self.manual.is_silent(t_s):
-            self.end_manual(t_s, f"nothing was heard of {self.manual.driver} for {LEASE_S:g} s")
+            self.end_manual(t_s, f"nothing was heard from {self.manual.driver} for {LEASE_S:g} s")
         if self._begins_anew:
             self._forget_place()
         # What the wheels were given, less what the slope takes up, is what moves the body.

@@ -72,7 +72,7 @@ MODES: Final[Mapping[tuple[Mode, Event], Row]] = {
     (Mode.ARMED, Event.GOAL): Row(Mode.ARMED, "the mission has another goal heading"),
     (Mode.ARMED, Event.MANUAL): Row(Mode.MANUAL, "the mission waits; the wheels follow the person"),
     (Mode.ARMED, Event.BOARD_OPENED): Row(Mode.ARMED, "the mission goes on after the warning"),
-    (Mode.MANUAL, Event.DISARM): Row(Mode.DISARMED, "driving by hand is over, and a mission that waits too"),
+    (Mode.MANUAL, Event.DISARM): Row(Mode.DISARMED, "driving by hand is over, and so is a mission that waits"),
     (Mode.MANUAL, Event.END_MANUAL): Row(None, "disarmed, or the mission that waited is held"),
     (Mode.MANUAL, Event.HOLD): Row(None, "disarmed, or the mission that waited is held"),
     (Mode.MANUAL, Event.BOARD_OPENED): Row(Mode.MANUAL, "the person may drive on, after letting go"),

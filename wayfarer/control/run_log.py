@@ -130,8 +130,8 @@ class DriverCounters:
             counts = {what: count for what, count in part.error_counts.items() if count}
             if counts != noted:
                 self.counting[part] = counts
-                told = ", ".join(f"{count} {what.replace('_', ' ')}" for what, count in counts.items())
+                told = ", ".join(f"{what.replace('_', ' ')}: {count}" for what, count in counts.items())
                 self._log.logger.info(  # nothing is wrong: the driver has helped itself
-                    "part_troubles", t_s=t_s, text=f"The {part.name} carried on after {told}",
+                    "part_troubles", t_s=t_s, text=f"The {part.name} still works after errors ({told})",
                     part=part.name, counts=counts,
                 )  # fmt: skip

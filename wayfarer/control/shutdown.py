@@ -38,10 +38,10 @@ class Shutdown:
                 await self._motors.stop()
                 turning = await self._motors.read_back()
         except (TimeoutError, DriverError) as error:
-            self._not_confirmed(str(error) or f"no end within {STOP_DEADLINE_S:g} s")
+            self._not_confirmed(str(error) or f"not finished within {STOP_DEADLINE_S:g} s")
         else:
             if turning is not None and turning != STOP:
-                self._not_confirmed(f"the board still says {turning.left:.2f} and {turning.right:.2f}")
+                self._not_confirmed(f"the board still reports {turning.left:.2f} and {turning.right:.2f}")
             else:
                 self.confirmed = True
 

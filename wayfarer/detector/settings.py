@@ -50,7 +50,7 @@ class DetectorSettings:
     """For how long it must be tilted. PX4's attitude trigger takes 0.3 s."""
     tipping_deg: Angle = 45.0
     """A body that climbs fast tips over within ``tilt_s``. One that will reach this angle within ``tipping_s``, at its
-    present rate, counts as tilted at once. The shipped bodies tip at 51 degrees."""
+    current rate, counts as tilted at once. The shipped bodies tip at 51 degrees."""
     tipping_s: ShortSecondsOrZero = 0.2
     """See ``tipping_deg``: a reading, a tick and the motors' lag together."""
 
@@ -65,7 +65,7 @@ class DetectorSettings:
     contact_stale_s: ShortSeconds = 0.5
     """Without a reading for so long the contact sensor is silent."""
     wheels_stale_s: ShortSeconds = 0.5
-    """Without a reading for so long the wheels' sensor is silent."""
+    """Without a reading for so long the wheel sensor is silent."""
     touch_s: ShortSecondsOrZero = 0.0
     """For how long a contact must last to count."""
 

@@ -27,13 +27,13 @@ WITNESSES: Final[Mapping[str, Witness]] = {
     "motion": Witness(
         "motion",
         "the ground passed by less than 0.3 of what was possible in 0.3 s, or in 2 s",
-        "the newest reading shows motion; then nobody else is asked",
+        "the newest reading shows motion; then no other sensor is asked",
         "the picture is poor, the sensor is silent, or the rover turns on the spot",
         "anything in the dark, on black ground, with a leaf on the lens",
     ),
     "contact": Witness(
         "contact",
-        "a switch is pressed: an anomaly of its own, whatever the others say",
+        "a switch is pressed: an anomaly of its own, whatever the others report",
         "never",
         "no switch is pressed",
         "slips, and what the switches do not cover",
@@ -41,7 +41,7 @@ WITNESSES: Final[Mapping[str, Witness]] = {
     "wheels": Witness(
         "wheels",
         "the rims of a side turned by less than 0.3 of what was possible in 0.3 s, or in 2 s, and its current, if "
-        "`current` is named, does not say that they turn",
+        "`current` is named, does not show that they turn",
         "never: wheels that turn may spin",
         "the rims turn, the sensor is silent, or the rover turns on the spot",
         "slips: wheels that spin at a trunk, on leaves or on mud look like driving",

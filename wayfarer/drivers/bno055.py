@@ -180,7 +180,7 @@ _REFUSALS = {
 }  # fmt: skip
 
 
-_NO_UART = "end what else is on this port, such as Linux's console (sudo raspi-config); PS1 must be high, PS0 low"
+_NO_UART = "stop what else is on this port, such as Linux's console (sudo raspi-config); PS1 must be high, PS0 low"
 
 
 class _OnUart:
@@ -226,7 +226,9 @@ class _OnUart:
             if came[0] == _STATUS and len(came) > 1 and came[1] in _REFUSALS:
                 failed = BadReading(f"{self._part}: it refuses: {_REFUSALS[came[1]]}")
             else:
-                failed = BadReading(f"{self._part}: it answered {came[:8].hex(' ')}, which no BNO055 says", _NO_UART)
+                failed = BadReading(
+                    f"{self._part}: it answered {came[:8].hex(' ')}, which a BNO055 never sends", _NO_UART
+                )
         raise failed
 
 
@@ -363,4 +365,4 @@ class BNO055:
             await asyncio.sleep(_LOOK_S)
             if await self._wire.read(_RAW, _RAW_BYTES) != first:
                 return
-        raise BadReading(f"{self.name}: its sensors measure nothing new, they repeat {first.hex()}", _SWITCH)
+        raise BadReading(f"{self.name}: its sensors send nothing new, they repeat {first.hex()}", _SWITCH)

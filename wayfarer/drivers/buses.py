@@ -94,7 +94,7 @@ def whole(name: str, answer: bytes, missing: Missing, within_s: float) -> bytes:
     if missing(answer) <= 0:
         return answer
     came = f"only {answer.hex(' ').upper()} came" if answer else "nothing came"
-    raise NotResponding(f"{name}: no whole answer within {within_s:g} s, {came}")
+    raise NotResponding(f"{name}: no complete answer within {within_s:g} s, {came}")
 
 
 class Frame(NamedTuple):

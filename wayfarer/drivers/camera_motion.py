@@ -51,7 +51,7 @@ class CameraMotionSettings:
     height: Pixels = 120
     """Height of a picture in pixels, even."""
     rate_hz: Hertz = 20.0
-    """Pictures a second."""
+    """Pictures per second."""
     exposure_us: Annotated[int, Interval(ge=10, le=1_000_000)] | None = None
     """Fixed exposure, so that a change of light is no motion; without a value it is automatic."""
     method: Literal["displacement", "difference"] = "displacement"

@@ -40,18 +40,18 @@ MOST_RECEIVERS = 16  # remembered; gpsd is built for 4. Chosen by us
 # What a receiver lacks, the likely cause, and what to do.
 NO_FIX = NoFix("has no fix", "no free view of the sky, or just switched on", "wait some minutes outdoors")
 NO_TIME = NoFix(
-    "tells a position and no time",
+    "sends a position without a time",
     "a position of unknown age does not count",
     "have it send its time too, in NMEA the sentence RMC; gpspipe -w shows what gpsd makes of it",
 )
 TIME_STANDS = NoFix(
-    "has said nothing new",
+    "has sent nothing new",
     "it hangs or is unplugged, or gpsd hangs",
-    "take its power away for a moment; sudo systemctl restart gpsd",
+    "switch its power off for a moment; sudo systemctl restart gpsd",
 )
 NO_RECEIVER = NoFix(
-    "no receiver is heard",
-    "gpsd knows of none, or it is not plugged in",
+    "no receiver sends anything",
+    "it is not plugged in, or gpsd does not know of it",
     "set DEVICES in /etc/default/gpsd; sudo systemctl restart gpsd",
 )
 
@@ -231,7 +231,7 @@ class Gpsd:
         if self._follower is None:
             raise NotResponding(f"{self.name}: not open")
         if self._follower.done():
-            raise NotResponding(f"{self.name}: hung up; has it been stopped? systemctl status gpsd")
+            raise NotResponding(f"{self.name}: has closed the connection; was it stopped? systemctl status gpsd")
         return self._fixes.latest(asyncio.get_running_loop().time())
 
     def why_no_fix(self) -> NoFix:
@@ -246,7 +246,7 @@ class Gpsd:
         except ValueError:
             raise WrongPart(self.name, "gpsd's VERSION", f"more than {LINE_LIMIT} bytes without a line end") from None
         if not greeting:
-            raise ConnectionResetError("it hung up without an answer")
+            raise ConnectionResetError("it closed the connection without an answer")
         if parse(greeting).get("class") != "VERSION":
             raise WrongPart(self.name, "gpsd's VERSION", repr(greeting[:40]))
         self._writer.write(WATCH)

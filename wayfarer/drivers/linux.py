@@ -135,7 +135,7 @@ def _spi_numbers(path: str) -> tuple[int, int]:
     """
     file = str(Path(path).resolve())
     if not (numbers := _SPI_FILE.fullmatch(file)):
-        what = "no SPI device" if file == path else f"leads to {file}, which is no SPI device"
+        what = "not an SPI device" if file == path else f"leads to {file}, which is not an SPI device"
         raise OSError(f"{what}, such as /dev/spidev0.1; correct its name in the rover file")
     return int(numbers[1]), int(numbers[2])
 

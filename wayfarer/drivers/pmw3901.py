@@ -154,7 +154,7 @@ class PMW3901:
         if self._is_first:  # the counts of an unknown time, with the motion during the start-up
             self._is_first, quality = False, 0.0
         elif what := registers.contradiction(burst, longest_s, self._limit_counts_s):
-            self.error_counts["garbage rejected"] += 1
+            self.error_counts["impossible readings rejected"] += 1
             raise BadReading(
                 f"{self.name}: ({burst.dx}, {burst.dy}): {what}; noise on the SPI wires, keep them short; "
                 "or the ground goes by too fast, raise the lens and height_m"

@@ -53,7 +53,7 @@ def contradiction(burst: Burst, longest_s: float, limit_counts_s: float) -> str 
     if max(abs(burst.dx), abs(burst.dy)) > limit:
         return f"more than {limit} counts in {longest_s:.3f} s"
     if not burst.motion and (burst.dx or burst.dy):
-        return "counts, and no motion seen"
+        return "counts, but no motion seen"
     return None
 
 

@@ -151,7 +151,7 @@ class RoboClawLink:
         except BadReading as error:
             if b"claw" in seen.lower():
                 raise
-            raise WrongPart(self.where, CHIP, f"no answer of one ({error})") from error
+            raise WrongPart(self.where, CHIP, f"no answer from one ({error})") from error
         return version.rstrip(b"\n\0").decode("ascii", "replace").removeprefix("USB ").removeprefix("Roboclaw ")
 
     async def _send_once(self, command: int, data: bytes) -> None:
@@ -194,7 +194,7 @@ class RoboClawLink:
 
     def _not_understood(self, command: int, answer: bytes) -> BadReading:
         return BadReading(
-            f"{self.where}: asked {command}, and {answer.hex(' ').upper()} is no whole answer to that; noise on the "
+            f"{self.where}: asked {command}, and {answer.hex(' ').upper()} is not a complete answer; noise on the "
             "wires, another baud rate, or another part or program at the port"
         )
 

@@ -237,7 +237,7 @@ class ThunderBorg:
         direction, level = await self._board.request(motor.get, 2)
         if direction not in (_FORWARD, _REVERSE):
             raise BadReading(
-                f"{self.name}: motor {motor.letter} says direction {direction}, which is none; noise on the wires"
+                f"{self.name}: motor {motor.letter} reports direction {direction}, an unknown one; noise on the wires"
             )
         return level if direction == _FORWARD else -level
 

@@ -183,7 +183,7 @@ _ROWS = (
 _ROWS_BEYOND = (
     _row("retry-pledge", "pledge",
          "Forest-Pledge that tries a second time if a stall may be a slip; no gain is shown in MuJoCo, and the rise of "
-         "the nose that it looks for was never measured on a rover", handler=RetryHandler),
+         "its front that it looks for was never measured on a rover", handler=RetryHandler),
 )
 # fmt: on
 

@@ -248,7 +248,7 @@ def check_ranges(campaign: SettingsT) -> SettingsT:
     ranges: dict[str, Setting] = {}
     for key, (low, high) in campaign.ranges.items():
         if key == SENSES or isinstance(known.get(key), bool | str):
-            raise BadInput(f"key '{key}' is no number: it cannot be drawn for each trial; give one value")
+            raise BadInput(f"key '{key}' is not a number: it cannot be drawn for each trial; give one value")
         if not -NO_NUMBER_REACHES < low < high < NO_NUMBER_REACHES:
             raise BadInput(f"key '{key}' = {shown([low, high])}: expected LOW:HIGH, LOW first, both below 1e16")
         ranges[key] = (int(low), int(high)) if _counts(campaign, key, low, high) else (float(low), float(high))

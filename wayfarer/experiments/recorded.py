@@ -35,7 +35,7 @@ MOST_BYTES = 10_000_000  # a sweep of two keys with all the values that fit a co
 
 def _is_name(text: str) -> str:
     if not text.isprintable():
-        raise ValueError("it has characters that a terminal obeys")
+        raise ValueError("it has control characters")
     return text
 
 

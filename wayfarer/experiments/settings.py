@@ -80,8 +80,8 @@ class CampaignSettings:
     each trial, such as sim.slope_deg=0:15 or senses=field. Another driver of a part begins with its own
     defaults. ``wayfarer list --keys`` names all keys."""
     faults: tuple[str, ...] = ()
-    """A fault on purpose, S seconds after arming (5 if nothing is said) and for S seconds (to the end if nothing is
-    said), such as silent:compass@20+5. ``wayfarer list --faults`` names the kinds."""
+    """A fault on purpose, S seconds after arming (default: 5) and for S seconds (default: to the
+    end), such as silent:compass@20+5. ``wayfarer list --faults`` names the kinds."""
     spl: bool = False
     """Compute unknown shortest paths, for SPL (success weighted by path length); slower."""
     go_on: bool = False

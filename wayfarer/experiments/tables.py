@@ -140,7 +140,7 @@ def layouts_note(results: Results) -> str:
     if len(groups) == 1:
         return "All points met the same layouts with the same noise, so they can be compared trial by trial."
     return (
-        "A rover of another size met other layouts of the site. The same ones, and only these are compared in pairs: "
+        "A rover of another size met other layouts of the site. Only points with equal layouts are compared in pairs: "
         f"{'; '.join(' and '.join(group) for group in groups.values())}."
     )
 

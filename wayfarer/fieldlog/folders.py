@@ -42,7 +42,7 @@ ADVICE = {
     errno.EDQUOT: "delete old runs, or ask for a larger quota",
     errno.EROFS: "mount the disk for writing; a card that mounts itself read-only is wearing out (see dmesg)",
     errno.EIO: "the card or disk is failing (see dmesg): save what is on it and replace it",
-    errno.ENOTDIR: "a file stands where the folder should be",
+    errno.ENOTDIR: "a file is in the place of the folder",
     errno.ENOENT: "was it deleted, or is the disk not there?",
     errno.EEXIST: "log into a separate folder",
     errno.EFBIG: "the disk allows no file of this size: set a smaller part_mb",
@@ -176,7 +176,7 @@ def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
                 if file.read(4).startswith(LOG_BEGINS):
                     return path
         if path.exists():
-            raise BadInput(f"{path} is no field log: a run is a folder with a {part_name(1)} in it")
+            raise BadInput(f"{path} is not a field log: a run is a folder with a {part_name(1)} in it")
     except OSError as error:
         raise BadInput(f"{str(path)[:40]} cannot be a run: {error.strerror}") from None
     there = " to ".join(dict.fromkeys(run.name for run in (*runs[:1], *runs[-1:]))) or "none"
@@ -187,7 +187,7 @@ def no_run(folder: Path) -> str:
     """Return why a folder is no run."""
     if (folder / "run.jsonl").exists():
         return f"{folder}: its log is of an older wayfarer (run.jsonl): read it with that one"
-    return f"{folder} is no run: there is no {part_name(1)} in it"
+    return f"{folder} is not a run: there is no {part_name(1)} in it"
 
 
 def part_name(number: int) -> str:

@@ -211,7 +211,7 @@ class RunReader:
                             empty = False
                             yield record
                         elif (skipped := skipped + 1) > BROKEN_LINES:
-                            raise OSError(errno.EFBIG, f"more than {BROKEN_LINES:,} of its lines are no records")
+                            raise OSError(errno.EFBIG, f"more than {BROKEN_LINES:,} of its lines are not records")
             except BadInput as error:
                 raise BadInput(f"{segment}: {error}") from None
             except CANNOT_BE_READ as error:

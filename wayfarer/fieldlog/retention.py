@@ -25,7 +25,7 @@ from wayfarer.fieldlog.folders import DELETING, MB, PART_NAME, RUN_NAME, error_a
 KEEP = "keep"  # the file that keeps a run
 REPORT = "report.html"  # of ``wayfarer report``: it goes with its run, because it only shows what the log says
 WHOLE_NAME = re.compile(RUN_NAME.pattern + r"(-[0-9a-f]{8})?\Z", re.ASCII)
-TOO_MUCH = "the runs that may not be deleted are more than keep_mb: the newest, the open and the kept ones"
+TOO_MUCH = "the runs that must not be deleted take more than keep_mb: the newest, the open and the kept ones"
 
 
 class Pruned(NamedTuple):

@@ -269,7 +269,7 @@ class Sink(WaitingThread):
             self._queue.clear()
             self.dropped += left
         if left:
-            self._tell_once(f"the disk did not take the end of the field log: its last {left} records may be missing")
+            self._tell_once(f"the end of the field log could not be written: its last {left} records may be missing")
 
     # -- writing, in the thread if there is one ------------------------------------------------------------------------
 
@@ -321,7 +321,7 @@ class Sink(WaitingThread):
         self._slowest_s = max(self._slowest_s, self._clock() - began_s)
         self._scarce = self._parts.free_mb() < self._free_mb * (RELIEF if self._scarce else 1.0)
         if self._scarce:
-            text = f"the field log takes only events and positions: less than {self._free_mb:g} MB are free"
+            text = f"the field log records only events and positions: less than {self._free_mb:g} MB are free"
             self._begin_trouble(f"{self._folder}: {text}: delete old runs")
         elif self.trouble is not None:
             self.trouble = None

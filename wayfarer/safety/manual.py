@@ -69,7 +69,7 @@ class ManualControl:
         if not (abs(forward) <= 1.0 and abs(turn) <= 1.0):  # written so that NaN is refused
             return "forward and turn must be numbers from -1 to 1"
         if not sent_s <= now_s + AHEAD_S:
-            return f"a sample from the future: sent_s is on the daemon's clock, and that says {now_s:.3f}"
+            return f"a sample from the future: sent_s must be of the daemon's clock, which says {now_s:.3f}"
         if not now_s - sent_s <= self._deadman_s:
             return f"a sample of {now_s - sent_s:.2f} s ago: at most {self._deadman_s:g} s are allowed"
         if self.sample is not None and seq <= self.sample.seq:

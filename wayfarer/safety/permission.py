@@ -42,7 +42,7 @@ class Asked(NamedTuple):
         if not self.at_s <= now_s + AHEAD_S:  # written so that NaN is refused
             return f"asked in the future: the clock (CLOCK_BOOTTIME) says {now_s:.3f}, not {self.at_s:.3f}"
         if not now_s - self.at_s < PERMISSION_S:
-            return f"asked {now_s - self.at_s:.1f} s ago, and {PERMISSION_S:g} s later it does not count any more"
+            return f"asked {now_s - self.at_s:.1f} s ago; a request counts for {PERMISSION_S:g} s only"
         if self.at_s < over_s:
             return "the rover was stopped, or started, after this was asked"
-        return "" if self.is_there() else "who asked has gone"
+        return "" if self.is_there() else "the client that asked has disconnected"

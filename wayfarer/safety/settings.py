@@ -71,8 +71,8 @@ class ManualSettings:
     allowed: bool = False
     """Let a person drive the rover by hand. ``wayfarer run --manual`` allows it for one run."""
     deadman_s: Annotated[float, Interval(ge=0.1, le=1)] = 0.3
-    """The wheels stand without a sample of keys, finger or stick that is younger. ROSbot and LeKiwi allow 0.5 s, in
-    which a rover goes 0.5 m at 1 m/s; 0.3 s bears the jitter of a wireless link."""
+    """The wheels are stopped if the newest sample of keys, finger or stick is older. ROSbot and LeKiwi allow 0.5 s, in
+    which a rover goes 0.5 m at 1 m/s; 0.3 s is enough for the jitter of a wireless link."""
     speed_m_s: MetresPerSecond | None = None
     """Speed at full deflection; without it ``cruise_m_s`` of [escape]."""
     turn_deg_s: DegreesPerSecond | None = None

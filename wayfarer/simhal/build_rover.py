@@ -44,7 +44,7 @@ def build(
     world.stall_current_a = config.detector.stall_current_a or world.stall_current_a
     asks = "wheels" in config.parts or not config.sources.isdisjoint({"wheels", "current"})
     if asks and not config.chassis.missing(WHEEL_KEYS):
-        world.wheeled = body_of(config.name, config.vehicle, config.chassis, "its wheels' sensor")
+        world.wheeled = body_of(config.name, config.vehicle, config.chassis, "its wheel sensor")
     if depth is Depth.BUS:
         return bus_depth(world, streams, config, clock, buses or FakeBuses())
     return device_depth(world, streams, config)

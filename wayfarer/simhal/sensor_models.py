@@ -25,7 +25,7 @@ Attitude = tuple[float, float, float]  # heading in radians, pitch and roll in d
 
 SQUAL_FULL: Final = 95  # what the driver of a PMW3901 takes as quality 1, by default
 SQUAL_SEEN: Final = 76  # of ordinary ground
-# PMW3901 at 0.1 m above ground: 0.213 mm a count (docs/reference/hardware.md).
+# PMW3901 at 0.1 m above ground: 0.213 mm per count (docs/reference/hardware.md).
 FLOW_M_PER_COUNT: Final = 0.00213195 * 0.1
 TENTHS_PER_RAD: Final = degrees(10.0)
 # Adding it to a float below 2**51 and taking it away again rounds as ``round`` does, in a tenth of the time.

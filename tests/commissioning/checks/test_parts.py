@@ -236,10 +236,10 @@ HUNG = {"device": "/dev/ttyUSB2", "mode": 3, "lat": 51.5, "lon": -0.1, "time": "
         ([HUNG, SEARCHES, TIMELESS, FIX], OK, "a fix, off by 17 m at most", ""),
         ([FIX | {"eph": None}], OK, "a fix", ""),
         ([SEARCHES], WARN, "/dev/ttyUSB0 has no fix", "outdoors"),
-        ([TIMELESS], WARN, "/dev/ttyUSB1 tells a position and no time", "RMC"),
-        ([HUNG], WARN, "/dev/ttyUSB2 has said nothing new", "restart gpsd"),
-        ([HUNG, SEARCHES], WARN, "/dev/ttyUSB2 has said nothing new, /dev/ttyUSB0 has no fix", "outdoors"),
-        ([], WARN, "no receiver is heard", "DEVICES"),
+        ([TIMELESS], WARN, "/dev/ttyUSB1 sends a position without a time", "RMC"),
+        ([HUNG], WARN, "/dev/ttyUSB2 has sent nothing new", "restart gpsd"),
+        ([HUNG, SEARCHES], WARN, "/dev/ttyUSB2 has sent nothing new, /dev/ttyUSB0 has no fix", "outdoors"),
+        ([], WARN, "no receiver sends anything", "DEVICES"),
     ],
 )
 def test_fix_no_fix_and_no_time_of_each_receiver_are_told_apart(

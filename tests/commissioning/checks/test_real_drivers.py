@@ -206,7 +206,7 @@ ON_UART = "FAIL BNO055 on /dev/serial0: no answer"
         (Frozen, "", f"FAIL BNO055 at 0x28 on /dev/i2c-1: its sensors measure nothing new, .*: {AGAIN}"),
         (Frozen, "/dev/serial0", f"FAIL BNO055 on /dev/serial0: its sensors measure nothing new, .*: {AGAIN}"),
         (Slow, "", "FAIL .*a transfer did not end within 0.1 s; a device holds the bus.*"),
-        (Slow, "/dev/serial0", f"{ON_UART} .*no whole answer within 0.05 s, nothing came.*"),
+        (Slow, "/dev/serial0", f"{ON_UART} .*no complete answer within 0.05 s, nothing came.*"),
     ],
 )
 def test_bno055_that_is_absent_another_frozen_garbled_or_slow_is_one_line_with_its_remedy(

@@ -150,7 +150,7 @@ def test_a_disk_that_takes_no_file_fails_however_it_says_so_and_what_fits_it_is_
 
 def test_a_file_where_the_log_folder_should_be_is_told(rig: Rig) -> None:
     rig.host.log_folder.write_text("a file stands in its place", encoding="ascii")
-    assert rig.look(system.disk).remedy == "a file stands where the folder should be"
+    assert rig.look(system.disk).remedy == "a file is in the place of the folder"
 
 
 def test_a_log_folder_that_may_not_be_looked_into_fails(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

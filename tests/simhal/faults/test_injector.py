@@ -278,13 +278,13 @@ class Answers:
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        (Nack(), r"a port: no whole answer within 0\.05 s, nothing came"),
+        (Nack(), r"a port: no complete answer within 0\.05 s, nothing came"),
         (AllFF(), "FF FF FF FF"),
         (FlippedBits(), "(?!01 02 03 04)(.. ){3}.."),
-        (LostBytes(chance=0.5), r"a port: no whole answer within 0\.05 s, only (.. ?){1,3} came"),
+        (LostBytes(chance=0.5), r"a port: no complete answer within 0\.05 s, only (.. ?){1,3} came"),
         (Hang(), r"a port: a transfer did not end within 0\.1 s"),
         (LateBytes(by_s=0.03), "01 02 03 04"),
-        (LateBytes(), r"a port: no whole answer within 0\.05 s, nothing came"),
+        (LateBytes(), r"a port: no complete answer within 0\.05 s, nothing came"),
     ],
 )
 @virtual
@@ -366,7 +366,7 @@ def test_every_kind_can_be_asked_for_at_each_of_its_parts(name: str) -> None:
         ("silent:compas", "unknown part for --fault silent 'compas': did you mean compass?"),
         ("silent", "--fault silent: name the part: silent:compass, silent:motion, silent:contact"),
         ("offset:motion", "known: compass"),
-        ("silent:compass@soon", "'soon' is no time of 0 to 1,000,000 s"),
+        ("silent:compass@soon", "'soon' is not a time from 0 to 1,000,000 s"),
         ("silent:compass@", "'' is no time"),
         ("silent:compass@5+", "'' is no time"),
         ("silent:compass@-1", "'-1' is no time"),

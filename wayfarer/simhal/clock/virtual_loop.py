@@ -114,7 +114,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
             if not copy_context().run(self.clock.run):  # what is done at once leaves nothing in the caller's context
                 waiting = ", ".join(sorted(task.get_name() for task in asyncio.all_tasks(self)))
                 raise NothingScheduled(
-                    f"virtual time stands at {self.time():.3f} s: every task waits for something that nothing can "
+                    f"virtual time is stuck at {self.time():.3f} s: every task waits for something that nothing can "
                     f"bring ({f'waiting: {waiting}' if waiting else 'no task left'})"
                 )
         finally:

@@ -102,8 +102,8 @@ def _seconds(text: str, value: str) -> float:
         seconds = -1.0
     if not 0.0 <= seconds <= MOST_S:
         raise BadInput(
-            f"--fault {text}: '{value}' is no time of 0 to {MOST_S:,.0f} s; write KIND:PART@SECONDS+SECONDS, such as "
-            "silent:compass@20+5"
+            f"--fault {text}: '{value}' is not a time from 0 to {MOST_S:,.0f} s; write KIND:PART@SECONDS+SECONDS, "
+            "such as silent:compass@20+5"
         )
     return seconds
 
