@@ -1,7 +1,8 @@
 """Build the documentation into ``site/``: ``python -m docs.build``.
 
 The pages are those of ``docs``, a few files of the checkout's top, and the notebook. They are laid into a temporary
-folder first, with their links changed to where each page is there. A dead link or anchor fails the build.
+folder first, with their links changed to where each page is there. A dead link or anchor fails the build. Search works
+in a page that is opened as a file too.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ ELSEWHERE = {
     NOTEBOOK: "tutorial/campaign.md",
     "wayfarer/rovers/rover.schema.json": "reference/rover.schema.json",
 }
-STATIC = {".png", ".webp", ".svg", ".css", ".json", ".xml"}
+STATIC = {".png", ".webp", ".svg", ".css", ".js", ".json", ".xml"}
+# What search in a file needs: zensical asks another host for it, in place of which pages have a file of ours.
+FOREIGN, OURS = "https://unpkg.com/iframe-worker/shim", "images/file-worker.js"
 LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|data:|#)([^)#\s]+)")
 
 
@@ -49,6 +52,9 @@ def build(site: Path = SITE) -> None:
         done = subprocess.run(command, cwd=staged, env=environment, stderr=subprocess.PIPE, text=True, check=False)
         if done.returncode:
             sys.exit(done.stderr.partition("Traceback (most recent call last)")[0])  # it raises to end
+        for page in (staged / "site").rglob("*.html"):
+            ours = os.path.relpath(staged / "site" / OURS, page.parent)
+            page.write_text(page.read_text(encoding="utf-8").replace(FOREIGN, ours), encoding="utf-8")
         shutil.rmtree(site, ignore_errors=True)
         shutil.copytree(staged / "site", site)
 

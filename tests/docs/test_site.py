@@ -1,4 +1,4 @@
-"""The site as it is built: strictly, without requests to other hosts, and dead links fail."""
+"""The site: built strictly, no request to another host, no dead link; in a browser search works, and tables fit."""
 
 from __future__ import annotations
 
@@ -10,11 +10,19 @@ import pytest
 
 from docs import build
 from docs.notebook import as_markdown
+from tests.browser import PHONE, OpenPage
 
 pytest.importorskip("zensical", reason="the site is built with the extra docs")
 
 # Attributes by which a browser fetches something by itself; a link waits for a person.
 FETCHES = {("script", "src"), ("link", "href"), ("img", "src"), ("source", "src"), ("iframe", "src"), ("video", "src")}
+# By how much each table is wider than what it scrolls in, and whether a shadow is drawn there.
+TABLES = """[...document.querySelectorAll(".md-typeset__scrollwrap")].map((place) => [
+  place.querySelector("table").textContent.trim().slice(0, 40),
+  place.scrollWidth - place.clientWidth,
+  getComputedStyle(place).backgroundImage.includes("gradient")
+    && getComputedStyle(place.querySelector("table")).backgroundColor === "rgba(0, 0, 0, 0)",
+])"""
 
 
 class Fetched(HTMLParser):
@@ -28,21 +36,54 @@ class Fetched(HTMLParser):
         self.addresses += [value for name, value in attrs if value and (tag, name) in FETCHES]
 
 
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("built") / "site"
+    build.build(folder)
+    return folder
+
+
 @pytest.mark.process
-def test_site_is_built_strictly_and_asks_no_other_host(tmp_path: Path) -> None:
-    build.build(tmp_path / "site")
+def test_site_is_built_strictly_and_asks_no_other_host(site: Path) -> None:
     places = set(build.pages().values())
     for place in (place for place in places if place.endswith(".md")):
-        assert (tmp_path / "site" / place).with_suffix(".html").is_file(), place
-    for page in (tmp_path / "site").rglob("*.html"):
+        assert (site / place).with_suffix(".html").is_file(), place
+    for page in site.rglob("*.html"):
         fetched = Fetched()
         fetched.feed(page.read_text(encoding="utf-8"))
         assert [address for address in fetched.addresses if re.match(r"(https?:)?//", address)] == [], page
         if page.name != "404.html":  # which may be shown at any address
             files = [address.partition("#")[0] for address in fetched.addresses if not address.startswith("data:")]
             assert [name for name in files if not (page.parent / name).exists()] == [], page
-    for style in (tmp_path / "site").rglob("*.css"):
+    for style in site.rglob("*.css"):
         assert not re.search(r"(url\(|@import )['\"]?(https?:)?//", style.read_text(encoding="utf-8")), style
+
+
+@pytest.mark.process
+def test_search_works_in_a_page_that_was_opened_as_a_file(site: Path, browser_page: OpenPage) -> None:
+    opened = browser_page(offline=True)
+    opened.page.goto((site / "how-to/install.html").as_uri())
+    opened.page.get_by_role("button", name="Search").click()
+    opened.page.keyboard.type("encoder")
+    found = opened.page.locator("a", has_text="Wheel encoders").first
+    found.click()
+    opened.page.wait_for_url("**/reference/hardware.html**")
+    assert opened.trouble == []
+
+
+@pytest.mark.process
+def test_table_fits_its_page_and_on_a_phone_shows_that_it_scrolls(site: Path, browser_page: OpenPage) -> None:
+    desktop, phone = browser_page(), browser_page(PHONE)
+    tables = 0
+    for page in sorted(site.rglob("*.html")):
+        for opened in (desktop, phone):
+            opened.page.goto(page.as_uri())
+            assert opened.overflow_px() <= 0, page
+        wide = desktop.page.evaluate(TABLES)
+        tables += len(wide)
+        assert [(head, by_px) for head, by_px, _ in wide if by_px > 0] == [], page
+        assert [head for head, by_px, hint in phone.page.evaluate(TABLES) if by_px > 0 and not hint] == [], page
+    assert tables > 200
 
 
 @pytest.mark.process
