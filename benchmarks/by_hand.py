@@ -41,7 +41,7 @@ def figures(for_s: float) -> list[Figure]:
         ticks = list(_ticks(Path(folder)))
     return [
         Figure("by hand: from a sample to the wheels", "ms", _reactions_ms(ticks), REACTS_WITHIN_MS),
-        Figure("by hand: the wheels stand after the last sample", "ms", _stops_ms(ticks), STOPS_WITHIN_MS),
+        Figure("by hand: wheels stopped after the last sample", "ms", _stops_ms(ticks), STOPS_WITHIN_MS),
     ]
 
 

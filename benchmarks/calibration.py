@@ -55,4 +55,4 @@ def trial_cost(runs: int) -> Figure:
         cpu_s = sum(timed(process_time, run_trial, spec) for spec in specs)
         values.append(cpu_s / TRIALS_A_RUN / ((before_s + unit_s()) / 2))
     kind, most = ("compiled", MOST_COMPILED) if is_compiled() else ("pure Python", MOST_PURE)
-    return Figure(f"CPU a trial, {kind}, in units (released simulator: 6.6)", "", values, most)
+    return Figure(f"CPU per trial, {kind}, in units (released simulator: 6.6)", "", values, most)

@@ -47,13 +47,13 @@ def run_campaign(trials: int) -> Campaign:
 
 
 def campaigns(trials: int, runs: int) -> list[Figure]:
-    """Measure ``wayfarer sim --trials N``: time, CPU a tick, memory of its largest process."""
+    """Measure ``wayfarer sim --trials N``: time, CPU per tick, memory of its largest process."""
     ran = [run_campaign(trials) for _ in range(runs)]
     limit_s = MOST_S if trials == MOST_TRIALS else None
     return [
         Figure(f"{trials} forest-pledge trials, whole command", "s", [run.wall_s for run in ran], limit_s),
         Figure(
-            "CPU a control tick, whole command, start-up included",
+            "CPU per control tick, whole command, start-up included",
             "µs",
             [run.cpu_us_per_tick for run in ran],
             40.0 if limit_s else None,  # start-up is shared out over few ticks in a short campaign

@@ -158,7 +158,7 @@ def _covers(span: TimeSpan, claim: TimeSpan) -> bool:
 
 
 def _delay_s(span: TimeSpan, claimed: Sequence[TimeSpan]) -> float | None:
-    """Return how long after its beginning an episode was claimed; at once where the claim was there before."""
+    """Return how long after its beginning an episode was claimed; at once if the claim was there before."""
     for claim in claimed:
         if claim.begins_s <= span.ends_s + AFTERWARDS_S and claim.ends_s >= span.begins_s:
             return max(0.0, claim.begins_s - span.begins_s)

@@ -40,7 +40,7 @@ TOKEN = "of the benchmark"
 SEED = 0
 POLL_S = 0.5
 SHARES = (0.01, 0.1, 0.5, 1.0)  # of the missions, after which it is measured
-WRITER_S = 0.25  # real time: the log's thread writes five times a second, and must not fall behind this clock
+WRITER_S = 0.25  # real time: the log's thread writes five times per second, and must not fall behind this clock
 SETTINGS = {
     "safety": {"start_delay_s": 0.0, "settle_s": 0.2, "mission_distance_m": 2.0},
     "log": {"part_mb": 1.0, "run_mb": 10.0, "free_mb": 0.0},
@@ -90,7 +90,7 @@ def growth(samples: Sequence[Sample], **slacks: float) -> list[str]:
 
 
 def print_missions(count: int, idle_s: float) -> int:
-    """Print the samples as a table and the verdict; return 1 where something grew."""
+    """Print the samples as a table and the verdict; return 1 if something grew."""
     with TemporaryDirectory(prefix="wf-") as folder:
         samples = missions(Path(folder), count, idle_s)
     header = ("missions", "hours", "RSS MB", "objects", "tasks", "threads", "open files", "log MB", "log files", "lost")

@@ -40,7 +40,7 @@ def depths(trials: int) -> list[Figure]:
             before_s = process_time()
             ticks = run_trial(replace(spec_of(trial), depth=depth)).ticks
             times_us[depth].append(1e6 * (process_time() - before_s) / ticks)
-    return [Figure(f"CPU a control tick at {depth.value} depth", "µs", times_us[depth]) for depth in Depth]
+    return [Figure(f"CPU per control tick at {depth.value} depth", "µs", times_us[depth]) for depth in Depth]
 
 
 def hanging_bus(runs: int) -> list[Figure]:
@@ -51,7 +51,7 @@ def hanging_bus(runs: int) -> list[Figure]:
         Figure(
             "longest stop of the event loop while a bus hangs for 1 s", "ms", [gap_ms for _, gap_ms, _ in seen], 20.0
         ),
-        Figure("wheels stand after the last command, by the board itself", "ms", [ms for _, _, ms in seen], 260.0),
+        Figure("wheels stopped after the last command, by the board itself", "ms", [ms for _, _, ms in seen], 260.0),
     ]
 
 

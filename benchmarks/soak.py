@@ -127,7 +127,7 @@ def growth(samples: Sequence[Sample]) -> list[str]:
 
 
 def print_soak(hours: float) -> int:
-    """Soak, print the samples as a table and the verdict; return 1 where something grew or a rule was broken."""
+    """Soak, print the samples as a table and the verdict; return 1 if something grew or a rule was broken."""
     samples, broken = soak(hours * HOUR_S)
     header = ("hours", "RSS MB", "blocks", "tasks", "open files", "log MB", "ticks", "faults", "missions")
     print_table(header, [_cells(sample) for sample in samples])

@@ -36,7 +36,7 @@ def ticks(trials: int) -> Figure:
     """Measure whole trials without the pool."""
     specs = [spec_of(trial) for trial in range(trials)]
     run_trial(specs[0])
-    return Figure("CPU a control tick, one process", "µs", [cpu_us_per_tick(spec) for spec in specs], 40.0)
+    return Figure("CPU per control tick, one process", "µs", [cpu_us_per_tick(spec) for spec in specs], 40.0)
 
 
 def set_up(trials: int) -> list[Figure]:

@@ -1,4 +1,4 @@
-"""Do the wheels still stand, and as soon as before? The tests of stops over simulated chips, with real processes.
+"""Are the wheels still stopped, and as soon as before? The tests of stops over simulated chips, with real processes.
 
 They judge; this prints beside each group how many of its tests passed and the times that they measured. Of kills and
 brown-outs, which strike at random instants, there are more than in the tests' own run.
@@ -55,5 +55,5 @@ def print_stops(kills: int = KILLS) -> int:
         if done.returncode:
             failed = 1
             print(done.stdout[-4000:], done.stderr[-1000:], sep="\n")
-    print_table(("what", "tests", "wheels stand after s: median, most"), rows)
+    print_table(("what", "tests", "wheels stopped after s: median, most"), rows)
     return failed

@@ -2,7 +2,7 @@
 
 A driving programme, blind to what is found, repeats legs on free ground: ahead, in arcs, back, turns on the spot. In
 some of the legs ahead the body is snagged for ``HELD_S``, in some its wheels lose their grip. All witnesses judge the
-same drive, on senses as in a wood (``physics.FIELD``). A hold counts as noticed if a witness says stood before it ends,
+same drive, on sensors as in a wood (``physics.FIELD``). A hold is noticed if a witness says stood before it ends,
 a slip if it does so before the wheels pull back. A claim at any other time, or long after, is a false alarm.
 """
 

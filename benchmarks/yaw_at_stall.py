@@ -1,6 +1,6 @@
 """Whether a rover turns towards the side that it ran into: the yaw at a stall as a bumper, against the true contact.
 
-Trials in MuJoCo; the heading is read 50 times a second, without noise. At each claim of the detector that the rover is
+Trials in MuJoCo; the heading is read 50 times per second, without noise. At each claim of the detector that it is
 immobilised as it drives ahead, while its front touches something on one side of its middle, the sign of the yaw around
 the stall is compared with that side. The stall is when the body last moved with half the commanded speed.
 """

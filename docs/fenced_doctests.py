@@ -1,4 +1,4 @@
-"""For the pages of the API: a doctest in a docstring is code, also where no heading stands above it."""
+"""For the pages of the API: a doctest in a docstring is code, also if no heading stands above it."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ A rover file is TOML. It names a rover's parts, and what differs from the defaul
 `[vehicle]` without a default are required. An unknown key, or a value out of its range, is one line that names
 file, key and what is allowed. The files that come with wayfarer are in `wayfarer/rovers`.
 
-[rover.schema.json](../../wayfarer/rovers/rover.schema.json) is the JSON Schema of all this. Where its path is in the
+[rover.schema.json](../../wayfarer/rovers/rover.schema.json) is the JSON Schema of all this. If its path is in the
 first line, as in the shipped files and in those that `wayfarer init` writes, editors that know TOML schemas (Tombi,
 Even Better TOML) complete keys, show what they mean and mark mistakes:
 
@@ -279,7 +279,7 @@ def _row(key: str, value: dict[str, Any], table: dict[str, Any]) -> str:
 
 
 def _reference(schema: dict[str, Any]) -> str:
-    """Return the name of the definition that a schema refers to, empty where it refers to none."""
+    """Return the name of the definition that a schema refers to, empty if it refers to none."""
     return str(schema.get("$ref", "")).rpartition("/")[2]
 
 

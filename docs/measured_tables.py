@@ -99,7 +99,7 @@ def gains(folder: Path) -> Lines:
 
 
 def points(folder: Path) -> Lines:
-    """Yield the table of a sweep's report, without a column of algorithms where there is one only."""
+    """Yield the table of a sweep's report, without a column of algorithms if there is one only."""
     results = Grid(Results.open(folder))
     first = 0 if len(results.algorithms) > 1 else 1
     yield point_titles(results)[first:]

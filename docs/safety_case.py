@@ -181,7 +181,7 @@ EVENTS: Mapping[Event, Case] = {
     ),
     Event.END_MANUAL: Case(
         UNSTOPPABLE,
-        "Of a client that is gone it is known only after 2 s; the wheels stand long before",
+        "Of a client that is gone it is known only after 2 s; the wheels stop long before",
         (
             _BY_HAND + "test_client_that_has_gone_leaves_the_rover_as_it_was",
             _BY_HAND + "test_mission_waits_with_its_clocks_and_is_held_afterwards",

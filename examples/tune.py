@@ -24,7 +24,7 @@ from pydantic import ValidationError
 
 import wayfarer
 
-# The numbers of the rover file to search, and between which multiples of their present values.
+# The numbers of the rover file to search, and between which multiples of their current values.
 SPACE = {
     "escape.turn_angle_deg": (0.5, 3.0),
     "escape.back_off_m": (0.4, 3.0),
@@ -81,7 +81,7 @@ def evaluate(trial: optuna.Trial, layouts: int) -> float:
 
 
 def search(points: int, layouts: int) -> optuna.Study:
-    """Return the study once it has this many points; the first one is the present settings."""
+    """Return the study once it has this many points; the first one is the current settings."""
     question = (wayfarer.__version__, ROVER, ALGORITHM, OPTIONS, SPACE, layouts)
     study = optuna.create_study(
         storage=JournalStorage(JournalFileBackend(str(OUT / "study.journal"))),
@@ -106,7 +106,7 @@ def tell(study: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
 
 
 def draw(study: optuna.Study) -> None:
-    """Draw the paths as the search went on, and over each setting as a multiple of its present value."""
+    """Draw the paths as the search went on, and over each setting as a multiple of its current value."""
     plots.plot_optimization_history(study, target_name="mean path, m")
     pyplot.savefig(OUT / "history.png", bbox_inches="tight")
     plots.plot_slice(study, target_name="mean path, m")
@@ -118,7 +118,7 @@ def draw(study: optuna.Study) -> None:
 
 
 def confirm(best: Factors, layouts: int) -> None:
-    """Compare the best settings with the present ones in held-out layouts, trial by trial, and say what that proves."""
+    """Compare the best settings with the current ones in held-out layouts, trial by trial, and say what that proves."""
     rows = []
     for name, rover in {"present": wayfarer.load_rover(ROVER), "tuned": rover_with(best)}.items():
         results = wayfarer.run_campaign(
@@ -144,7 +144,7 @@ def main(points: int, layouts: int, held_out: int) -> None:
     study = search(points, layouts)
     draw(study)
     if study.best_params == PRESENT:
-        print("no point is better than the present settings: there is nothing to confirm")
+        print("no point is better than the current settings: there is nothing to confirm")
     else:
         confirm(study.best_params, held_out)
 

@@ -3,7 +3,7 @@
 A test asks for ``browser_page``, a function that opens a page of a given size in a context of its own; ``trouble`` of
 what it returns collects what went wrong in it. The browser is that of all tests of a file: to start one takes about a
 second. Playwright's blocking interface runs an event loop of its own, so only files of plain functions may use it,
-where no test runs a loop. Import both fixtures in the ``conftest.py`` beside the tests.
+if no test runs a loop. Import both fixtures in the ``conftest.py`` beside the tests.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def drag(page: Page, start: tuple[float, float], end: tuple[float, float], until
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
-    """A browser for the tests of a file; skips where there is none."""
+    """A browser for the tests of a file; skips if there is none."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:

@@ -62,7 +62,7 @@ def pytest_collection() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def reference_results_path() -> Path:
-    """What the released simulator did in the reference forests, beside the checkout; skips where that is absent."""
+    """What the released simulator did in the reference forests, beside the checkout; skips if that is absent."""
     path = REFERENCE_FOLDER / "results-forest-pledge.jsonl"
     if not path.is_file():
         pytest.skip(f"the released simulator's results are not at {path}")

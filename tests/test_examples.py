@@ -175,5 +175,5 @@ def test_search_goes_on_where_it_was_interrupted(output_of: Output, by_angle: Pa
     by_angle.interrupted_after = -1
     said = output_of("tune", "10", "9", "9")
     numbers = [int(number) for number in re.findall(r"^point (\d+): ", said, re.MULTILINE)]
-    assert numbers == [0, 1, 3, 4, 5, 6, 7, 8, 9, 10], "the third was cut short; the present settings only once"
+    assert numbers == [0, 1, 3, 4, 5, 6, 7, 8, 9, 10], "the third was cut short; the current settings only once"
     assert "no gain is shown" in said, "of fewer than ten layouts nothing is"

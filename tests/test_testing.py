@@ -214,7 +214,7 @@ SPOILT: list[tuple[str, str, Algorithm]] = [
     ("memory_has_counter_and_episodes", "has episodes = None, which is no finite number", spoilt(
         memory={"counter_deg": 0.0})),
     ("memory_has_counter_and_episodes", "has counter_deg = nan", spoilt(memory={"counter_deg": nan, "episodes": 0})),
-    ("memory_has_counter_and_episodes", r"has seen = \[1\], which is no number and no text", spoilt(
+    ("memory_has_counter_and_episodes", r"has seen = \[1\], which is neither a number nor a text", spoilt(
         memory={"counter_deg": 0.0, "episodes": 0, "seen": [1]})),
     ("reset_forgets", r"after reset\(\) the first decision is", unforgetting()),
     ("requires_what_a_rover_can_have", r"requires is \['lidar'\], and a rover can have \['contact'",

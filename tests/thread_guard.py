@@ -17,7 +17,7 @@ SHARED = "shared"  # begins the name of a thread that ends with a fixture of sev
 
 @contextmanager
 def no_thread_left() -> Iterator[None]:
-    """Wait for the threads that began meanwhile, and fail the test where one does not end."""
+    """Wait for the threads that began meanwhile, and fail the test if one does not end."""
     before = set(threading.enumerate())
     calls: list[OneCall] = []  # the interpreter lists no such thread
     start = OneCall.start

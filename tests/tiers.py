@@ -27,7 +27,7 @@ import pytest
 
 TIERS = ("unit", "process", "long")
 RERUNS = 2
-# Seconds, of a test with its fixtures; some ten times what the longest takes on an idle computer. From no source.
+# Seconds, of a test with its fixtures; some ten times what the longest takes on an idle computer. Chosen by us.
 LIMIT_S = {"unit": 120, "process": 300, "long": 3600}
 # Drawing takes most of the time of the tests of pages, and is the same on every Python: not a unit test's.
 PROCESS_FOLDERS = {Path(__file__).parent / folder for folder in ("system", "reports")}

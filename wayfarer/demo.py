@@ -153,7 +153,7 @@ class Demo:
         campaign = Campaign((self._algorithm,), self._trial + 1, load_rover(ROVER), self._seed)
         spec = campaign.spec(Task(self._algorithm, self._trial), campaign.make_forest(self._trial))
         fold, folder = RunFold(), new_run_folder(self._logs)
-        self._log = os.fsencode(folder.absolute()).decode(errors="replace")  # JSON has no bytes that are no text
+        self._log = os.fsencode(folder.absolute()).decode(errors="replace")  # JSON has no bytes that are not text
         shown_to = (fold.add, Console("", self._lines.write).show, show)
         made: list[tuple[FieldLog, DriveMotors]] = []
 

@@ -158,7 +158,7 @@ class DriveMotors(Driver, Protocol):
 
         Raises:
             NotResponding: the board did not acknowledge; the wheels may still turn until its deadman trips.
-            PowerLost: the board has forgotten its deadman; the wheels stand, and it must be opened again.
+            PowerLost: the board has forgotten its deadman; the wheels are stopped, and it must be opened again.
         """
 
     async def stop(self) -> None:

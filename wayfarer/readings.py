@@ -1,6 +1,6 @@
 """What each tick makes: the readings of the sensors, and the commands of the wheels; see ``hal`` for their conventions.
 
-They take any numbers, such as NumPy's, and have Python's own, also where this is not compiled. They are used like named
+They take any numbers, such as NumPy's, and have Python's own, also if this is not compiled. They are used like named
 tuples. They are none, because the ``__new__`` of those is interpreted also in a compiled tick.
 """
 
@@ -117,7 +117,7 @@ class ContactReading(NamedTuple):
 class WheelReading(Value):
     """What the wheels of both sides did until ``t_s``: the way of their rims, and the current of their motors.
 
-    ``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead positive; where
+    ``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead positive; if
     the body went meanwhile is another matter. ``left_a`` and ``right_a`` are the size of the current of a side's motors
     in amperes, 0 or more. Each is None if the part does not measure it, or does not know it now, as at the first read.
     """

@@ -100,7 +100,7 @@ def check_number(where: str, key: str, value: object, hint: Any) -> float:
     """Return a number that a program gave, which may be NumPy's, as Python's own; ``where`` is who takes it.
 
     Raises:
-        OutOfRange: it is no number, or outside of the range that the type ``hint`` says.
+        OutOfRange: it is not a number, or outside of the range that the type ``hint`` says.
     """
     if getattr(value, "shape", None) == () and (item := getattr(value, "item", None)):
         value = item()  # NumPy's scalars, and its arrays of no dimension

@@ -74,7 +74,7 @@ LEVEL_TEXTS: Mapping[str, str] = {
     Level.FAULT.name.lower(): "Fault: stopped until re-armed",
 }
 
-# How a run or a trial ended, where its name is not the word for it.
+# How a run or a trial ended, if its name is not the word for it.
 OUTCOME_TEXTS: Mapping[str, str] = {
     "left_bounds": "left the map",
     "mission_time": "time limit",

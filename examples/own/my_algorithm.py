@@ -1,4 +1,4 @@
-"""An algorithm of your own; as it stands, it follows what it met with its right side, as a hand on a wall.
+"""An algorithm of your own; as it is, it follows what it met with its right side, as a hand on a wall.
 
     pytest test_my_algorithm.py
     wayfarer sim --algorithm forest-pledge,my_algorithm.py --trials 200 --out results
@@ -48,7 +48,7 @@ class MyAlgorithm:
         return {"counter_deg": self._counter_deg, "episodes": self._episodes}
 
     def decide(self, observation: Observation) -> Decision:
-        """Return wheels and phase for this tick; it is called 20 times a second and never raises."""
+        """Return wheels and phase for this tick; it is called 20 times per second and never raises."""
         if self._last_deg is not None:
             self._counter_deg += wrap180(observation.heading_deg - self._last_deg)
         self._last_deg = observation.heading_deg

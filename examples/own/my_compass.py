@@ -1,4 +1,4 @@
-"""A driver of your own; as it stands, it is of a made-up compass on I2C. Put your part's data sheet in its place.
+"""A driver of your own; as it is, it is of a made-up compass on I2C. Put your part's data sheet in its place.
 
     pytest test_my_compass.py
     wayfarer sim --rover forestrover --depth bus --set parts.compass.driver=my_compass.py --trials 3
@@ -59,7 +59,7 @@ class MyCompass:
         await self.read()
 
     async def read(self) -> CompassReading:
-        """Return what it measures now; it is called 20 times a second, and the bus raises ``NotResponding`` itself."""
+        """Return what it measures now; called 20 times per second; the bus raises ``NotResponding`` itself."""
         block = await self._bus.write_read(self._settings.address, ATTITUDE, BLOCK.size)
         heading, pitch, roll, calibrated = BLOCK.unpack(block)
         if heading >= 3600 or abs(pitch) > 1800 or abs(roll) > 1800 or calibrated > 3:

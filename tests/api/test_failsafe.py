@@ -20,7 +20,7 @@ from wayfarer.hal import STOP
 
 
 class Ride:
-    """Asks a fail-safe once a tick; the body turns as the handler tells it, and goes straight on under the planner."""
+    """Asks a fail-safe once per tick; the body turns as the handler tells it, and goes straight under the planner."""
 
     def __init__(self, algorithm: str = "forest-pledge", free_run_m: float = 1.0) -> None:
         self.failsafe = FailSafe(make(algorithm), VEHICLE, free_run_m=free_run_m)

@@ -80,7 +80,7 @@ BAD_INPUT = {
     "run --sim --fault loop_stall": "in virtual time only: use wayfarer sim",
     "sim --fault silnt:compass --out out": "did you mean silent",
     "sim --fault silent --out out": "name the part: silent:compass, silent:motion",
-    "sim --fault snag@soon --out out": "'soon' is no time",
+    "sim --fault snag@soon --out out": "'soon' is not a time",
     "sim --fault nack:compass --out out": 'it needs depth "bus"',
     "list --faults --conditions": "--conditions and --faults",
     "run --rover minirover --depth bus": "without --sim",

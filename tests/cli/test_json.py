@@ -78,7 +78,7 @@ def test_settings_of_a_folder_are_in_the_page(run: Run, tmp_path: Path) -> None:
 
 @pytest.fixture
 def says(run: Run) -> Any:
-    """Run a command with ``--json``, hold what it prints against the table of its name, and return it."""
+    """Run a command with ``--json``, check what it prints against the table of its name, and return it."""
 
     def says(table: str, *arguments: object, code: int = 0) -> Any:
         got, out, _ = run(*arguments, "--json")

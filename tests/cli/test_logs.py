@@ -157,7 +157,7 @@ def test_export_goes_to_a_pipe(run: Run) -> None:
     [
         ("99", "there is no run and no folder '99'"),
         ("9" * 5_000, "cannot be a run: File name too long"),
-        ("/etc/passwd", "no field log"),
+        ("/etc/passwd", "not a field log"),
         ("/etc", "no run"),
     ],
 )

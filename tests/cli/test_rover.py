@@ -96,7 +96,7 @@ def test_verb_is_asked_of_the_daemon(
 def test_arming_tells_of_warnings_and_of_the_time_to_step_away(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
     Daemon(monkeypatch, {"warnings": ["clock: it is 1970"], "start_delay_s": 10.0})
     code, out, _ = run("arm")
-    assert (code, out) == (0, "warning: clock: it is 1970\narming: the wheels may turn in 10 s\n")
+    assert (code, out) == (0, "warning: clock: it is 1970\narming: the wheels can turn after 10 s\n")
 
 
 @pytest.mark.parametrize("verb", ["stop", "arm", "status"])

@@ -1,4 +1,4 @@
-"""What is said between two ticks counts from the next, and the board's word is held against what it was told."""
+"""What is said between two ticks counts from the next, and the board's word is checked against what it was told."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The control tick: limits of a mission, what was driven, late ticks, lost senses, and the wheels it commands."""
+"""The control tick: limits of a mission, what was driven, late ticks, lost sensors, and the wheels it commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What people ask for and what fails, at any await: after a stop the wheels stand until somebody asks again."""
+"""What people ask for and what fails, at any await: after a stop the wheels are stopped until somebody asks again."""
 
 from __future__ import annotations
 

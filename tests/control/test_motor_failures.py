@@ -1,4 +1,4 @@
-"""The controller and a motor board that fails: when the wheels stand, and what lets them turn again."""
+"""The controller and a motor board that fails: when the wheels are stopped, and what lets them turn again."""
 
 from __future__ import annotations
 

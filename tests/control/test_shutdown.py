@@ -173,7 +173,7 @@ def test_run_that_is_ended_or_cancelled_while_a_part_opens_ends_at_once(shop: Wo
 def test_stop_that_the_board_does_not_confirm_is_sent_again_and_told(
     shop: Workshop, answer: Any, doubt: str | None
 ) -> None:
-    """Where the wheels were not stopped, the daemon leaves the record of what it drives to stop-motors."""
+    """If the wheels were not stopped, the daemon leaves the record of what it drives to stop-motors."""
     runs: list[Supervisor] = []
     drive(shop, {0.3: runs.append, 0.999: lambda _: setattr(shop, "answer", answer)})
     assert [run.wheels_stopped for run in runs] == [doubt is None]

@@ -1,4 +1,4 @@
-"""A daemon on a real loop: what it leaves in its log, what ends it, and that its wheels stand still whatever does."""
+"""A daemon on a real loop: what it leaves in its log, what ends it, and that its wheels then stay stopped."""
 
 # ruff: noqa: ASYNC110, TID251 - a daemon lives in real time, and is polled
 from __future__ import annotations

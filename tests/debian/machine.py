@@ -59,7 +59,7 @@ def shown(name: str) -> str:
 
 
 def status() -> dict[str, object]:
-    """Return what the daemon says of itself; empty where it does not answer."""
+    """Return what the daemon says of itself; empty if it does not answer."""
     code, said = run("wayfarer", "status", "--json")
     found: dict[str, object] = json.loads(said) if code == 0 else {}
     return found
@@ -126,7 +126,7 @@ def driven_through(action: Callable[[], str]) -> str:
     """
     pid, before = shown("MainPID"), len(ticks())
     said = action()
-    time.sleep(1.5)  # more than a second: the log is written five times a second
+    time.sleep(1.5)  # more than a second: the log is written five times per second
     meanwhile = ticks()[before:]
     need(shown("MainPID") == pid, "the daemon is another process now")
     need(status().get("mode") == "armed", f"the rover is {status().get('mode')}")

@@ -100,7 +100,7 @@ def test_reading_that_no_compass_can_give_is_never_believed(wrong: dict[str, Any
 
 # -- frozen ------------------------------------------------------------------------------------------------------
 
-SLOW_TURN = WheelCommand(0.05, -0.05)  # 11 degrees a second
+SLOW_TURN = WheelCommand(0.05, -0.05)  # 11 degrees per second
 STRAIGHT = WheelCommand(0.5, 0.5)
 
 
@@ -177,7 +177,7 @@ def test_compass_that_repeats_all_values_of_a_body_that_is_not_seen_to_move_is_n
 
 @pytest.mark.parametrize(("max_speed_m_s", "frozen"), [(0.5, False), (2.0, True)])
 def test_how_fast_a_turn_was_commanded_depends_on_the_speed_of_the_wheels(max_speed_m_s: float, frozen: bool) -> None:
-    """Frozen counts from 20 degrees a second: the same duties turn the one by 11, the other by 46."""
+    """Frozen counts from 20 degrees per second: the same duties turn the one by 11, the other by 46."""
     rover = Rover(vehicle=replace(VEHICLE, max_speed_m_s=max_speed_m_s))
     found = [rover.tick(WheelCommand(0.1, -0.1), heading_deg=7.7).conditions for _ in range(20)]
     assert (found[-1] == (Condition.COMPASS_FROZEN,)) is frozen

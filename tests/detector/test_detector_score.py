@@ -1,4 +1,4 @@
-"""Claims held against what is really there."""
+"""Claims compared with what is really there."""
 
 from __future__ import annotations
 

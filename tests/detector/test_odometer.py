@@ -1,4 +1,4 @@
-"""The odometer: ground that was seen to pass, and commanded ground where nothing is known."""
+"""The odometer: ground that was seen to pass, and commanded ground if nothing is known."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def test_moving_rover_is_not_stalled(wheels: WheelCommand, way: float) -> None:
 
 
 def test_body_that_is_held_ahead_and_swings_as_its_wheels_lead_is_stalled() -> None:
-    """Its wheels lead by 0.2 m/s about the middle, half a track away: 46 degrees a second, and none of it is ahead."""
+    """Its wheels lead by 0.2 m/s about the middle, half a track away: 46 degrees per second, none of it ahead."""
     rover, arc, swing_deg = started(), WheelCommand(0.6, 0.2), degrees(0.2 / (VEHICLE.track_m / 2)) * TICK_S
     found = [rover.drive(1, arc, heading_deg=n * swing_deg)[0] for n in range(1, 9)]
     assert found[-1]

@@ -1,4 +1,4 @@
-"""Every command of the documentation runs; those that cannot run here are held against the command line."""
+"""Every command of the documentation runs; those that cannot run here are checked against the command line."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def free_pins(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What answers ``ioctl`` in a private /dev; the test skips where there can be none."""
+    """What answers ``ioctl`` in a private /dev; the test skips if there can be none."""
     if (reason := why_not()) is not None:
         pytest.skip(reason)
     return compiled_shim(tmp_path_factory.mktemp("shim"))
@@ -58,7 +58,7 @@ def oldest(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def libraries(version: str, request: pytest.FixtureRequest) -> Path:
-    """The folder of smbus2, spidev, pyserial and gpiozero: the oldest, or those of this Python, new where it is new."""
+    """The folder of smbus2, spidev, pyserial and gpiozero: the oldest, or those of this Python, new if it is new."""
     if version == "oldest":
         folder: Path = request.getfixturevalue("oldest")
         return folder
@@ -68,7 +68,7 @@ def libraries(version: str, request: pytest.FixtureRequest) -> Path:
 
 @pytest.fixture(scope="module")
 def site(rover: str, shim: Path, libraries: Path, bench: Path) -> Iterator[RealSite]:
-    """A site of the rover for all tests of a module; they skip where no private /dev can be mounted."""
+    """A site of the rover for all tests of a module; they skip if no private /dev can be mounted."""
     with ExitStack() as stack:
         try:
             made = stack.enter_context(real_site(rover, libraries, shim, bench))

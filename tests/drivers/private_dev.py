@@ -46,7 +46,7 @@ class NoMounts(Exception):
 
 
 def why_not() -> str | None:
-    """Say why there can be no such /dev here, or None where there can be."""
+    """Say why there can be no such /dev here, or None if there can be."""
     if os.geteuid() != 0:
         return "a private /dev needs root"
     missing = [name for name in ("cc", "unshare", "nsenter") if shutil.which(name) is None]

@@ -68,7 +68,7 @@ class RealSite(Site):
         self.dev = dev
         super().__init__(folder, rover, bench)
         _, _, shipped = self.config.read_text(encoding="utf-8").partition("\n")  # without the bench's own buses
-        # Each sense that falls silent stops the wheels, so that a test can see when it was noticed.
+        # Each sensor that falls silent stops the wheels, so that a test can see when it was noticed.
         holding = shipped.replace("start_delay_s", 'on_lost_sense = "hold"\nstart_delay_s', 1)
         assert holding != shipped
         self.config.write_text(holding, encoding="utf-8")

@@ -144,7 +144,7 @@ def clock_text(t_s: float) -> str:
 def test_mission_ends_at_its_radius_by_the_receiver_that_is_well(
     stale_s: float, other: str, period_s: float, phase_s: float
 ) -> None:
-    """A rover whose dead reckoning sees nothing is carried away by 5 m a second; the other receiver stays at home."""
+    """A rover whose dead reckoning sees nothing is carried away by 5 m per second; the other receiver stays at home."""
     mission, fixes = Mission(SafetySettings(mission_radius_m=RADIUS_M), 0.0, Place()), Fixes(stale_s)
     said = [(float(n), LIVE) for n in range(60)]
     said += [(n * period_s + phase_s, OTHER) for n in range(int(60.0 / period_s))]

@@ -52,8 +52,8 @@ def armed_again(site: RealSite) -> bool:
 
 
 def assert_stood(site: RealSite, since_s: float, device: str) -> None:
-    """The wheels stood in time: held for a sense that says nothing, or stopped with the motors' bus by their board."""
-    wait_for("the wheels stand", lambda: not site.turning)
+    """The wheels stood in time: held for a sensor that says nothing, or stopped with the motors' bus by their board."""
+    wait_for("the wheels are stopped", lambda: not site.turning)
     turned_s, stopped_s = first_stop(site.commands(), since_s)
     print(f"{site.rover}, {device}: stood after {stopped_s - since_s:.3f} s, {stopped_s - turned_s:.3f} s of silence")
     if device == motors_of(site):
@@ -63,7 +63,7 @@ def assert_stood(site: RealSite, since_s: float, device: str) -> None:
 
 
 def assert_goes_on(site: RealSite, since_s: float, device: str, late_s: float = LATE_S) -> None:
-    """Once the device is back, a hold ends by itself; where the motors were lost, only arming ends it.
+    """Once the device is back, a hold ends by itself; if the motors were lost, only arming ends it.
 
     ``late_s`` is how long the wheels may turn by a command that hung in the wire.
     """

@@ -1,4 +1,4 @@
-"""Giving up where nothing helps, and never where a rover still works its way out (fault catalogue, fault 57)."""
+"""Giving up if nothing helps, and never if a rover still works its way out (fault catalogue, fault 57)."""
 
 from __future__ import annotations
 

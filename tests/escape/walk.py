@@ -86,7 +86,7 @@ class Walk:
         raise AssertionError(f"still {self.decision} after 100 s")
 
     def to(self, phase: Phase, *anomalies: Anomaly) -> Decision:
-        """Reach a phase, starting an episode where there is none."""
+        """Reach a phase, starting an episode if there is none."""
         if phase is not Phase.FOLLOW and self.decision.phase is Phase.FOLLOW:
             self.tick(*(anomalies or STUCK))
         return self.go_on(lambda decision: decision.phase is phase)

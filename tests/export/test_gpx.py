@@ -78,7 +78,7 @@ def test_gpx_has_the_fixes_with_their_times(tmp_path: Path) -> None:
 
 
 def test_gpx_has_what_happened_where_it_happened(tmp_path: Path) -> None:
-    """The place is on the path: 0.5 m/s to the north, until the wheels stand."""
+    """The place is on the path: 0.5 m/s to the north, until the wheels are stopped."""
     waypoints = gpx(tmp_path, EVENTFUL).waypoints
     assert [(each.type, each.name) for each in waypoints] == [
         ("mark", "Mark: hit <log> & stone"),

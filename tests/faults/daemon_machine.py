@@ -59,7 +59,7 @@ SENSES = ("compass", "motion", "contact", "position")
 SOON_S = 0.05  # an answer may take longer, and other commands come meanwhile
 POWER_FLAGS = (None, 0, 0x1, 0x10001, 0x50005)
 NOW_S = st.just(0.0)
-# What a motor board may recover from, each where the rover has it.
+# What a motor board may recover from, each if the rover has it.
 HEALS = ("nack", "hang", "silent", "reset", "board_fault", "failsafe_off")
 FOLDER = Path(mkdtemp(prefix="wayfarer-machine-"))
 

@@ -1,6 +1,6 @@
 """Hypothesis strategies: any fault that a rover can have, with any parameters, and scenarios of such faults.
 
-What is drawn is only what the rover can have at that depth: a fault on the wires needs a part on wires. Where a
+What is drawn is only what the rover can have at that depth: a fault on the wires needs a part on wires. If a
 scenario breaks a rule, Hypothesis makes it as small as it can and prints it.
 """
 

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 NEVER_S = 86_400.0
 NO_MUD_M = 1e9
 
-# The loop from turn rate to duty: full duty of one side against the other after a second of 100 degrees a second that
-# are asked for and not there. From no source; quicker than a loop that is tuned not to overshoot.
+# The loop from turn rate to duty: full duty of one side against the other after a second of 100 degrees per second that
+# are asked for and not there. Chosen by us; quicker than a loop that is tuned not to overshoot.
 DUTY_PER_DEG = 0.01
 RATE_FILTER_S = 0.1
 # MiniRover's motors need 0.09 of duty to roll at all (5 % of its weight over the stall force at the rims).

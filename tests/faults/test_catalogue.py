@@ -78,7 +78,7 @@ def test_wheels_that_turn_on_for_too_long_fail_a_row() -> None:
 
 
 def test_headings_that_wrap_change_no_decision() -> None:
-    """Where an angle meets a limit to the last bit of a number, two such drives may part; these do not."""
+    """If an angle meets a limit to the last bit of a number, two such drives may part; these do not."""
     south, north = (run_result.recorder for run_result in runs_of("heading-wrap"))
     assert wraps(north) > wraps(south) + 50
     assert any(moment.why == "follow.anomaly" for moment in north.ticks), "no turn was made"

@@ -167,7 +167,7 @@ WHOLE = {
     "empty": ("", "no [[scenario]] in the file; allowed are 1 to 100"),
     "too many": (LEAST * 101, "101 [[scenario]] in the file"),
     "same name": (LEAST + LEAST, "key 'name' = 'least': there is another of that name"),
-    "another key": ("a = 1", "unknown key 'a'; all of a file stands in [[scenario]] tables"),
+    "another key": ("a = 1", "unknown key 'a'; a file has [[scenario]] tables only"),
     "no UTF-8": (b"\xff", "cannot be read: 'utf-8' codec"),
     "no TOML": ("[[scenario", "not valid TOML"),
     "huge": ("#" * (FILE_BYTES + 1), "it has more than 1,000,000 bytes"),

@@ -34,7 +34,7 @@ def files_no_longer_than(size: int) -> Iterator[None]:
 
 @contextmanager
 def small_disk(mount_point: Path, kb: int) -> Iterator[bool]:
-    """Mount a disk of this size; give False where that is not allowed: it takes a root that may mount."""
+    """Mount a disk of this size; give False if that is not allowed: it takes a root that may mount."""
     mount_point.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", f"size={kb}k,mode=755", "tmpfs", str(mount_point)]
     mounted = os.geteuid() == 0 and subprocess.run(command, capture_output=True, check=False).returncode == 0
@@ -85,7 +85,7 @@ class PowerCut(BaseException):
 
 @contextmanager
 def power_cut_at(call: int) -> Iterator[None]:
-    """Let the power go at the n-th change of the disk, from 0; where there are fewer, nothing happens."""
+    """Let the power go at the n-th change of the disk, from 0; if there are fewer, nothing happens."""
     left = call
 
     def counted(real: Callable[..., Any]) -> Callable[..., Any]:

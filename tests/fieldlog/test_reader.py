@@ -36,7 +36,7 @@ def read_bytes(*parts: bytes) -> tuple[list[AnyRecord], Damage]:
         for number, data in enumerate(parts, start=1):
             Path(folder, f"run.{number:05d}.jsonl").write_bytes(data)
         its, found = RunReader(Path(folder)), []
-        with suppress(BadInput):  # where there is nothing in it
+        with suppress(BadInput):  # if there is nothing in it
             found = list(its)
         return found, its.damage
 

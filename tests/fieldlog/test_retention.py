@@ -1,4 +1,4 @@
-"""Old runs are deleted only where a person wants it, never the wrong ones, and a power cut leaves no half of one."""
+"""Old runs are deleted only if a person wants it, never the wrong ones, and a power cut leaves no half of one."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from wayfarer.daemon.watchdog import SystemdNotifier, watchdog_period_s
 
 CODES = {0, 1, 2, 3, 75}
 
-# What a shell can hand on: no NUL, and half a character where bytes were no UTF-8.
+# What a shell can hand on: no NUL, and half a character if bytes were no UTF-8.
 WORD = st.sampled_from(
     (*(text.replace("\0", "") for text in TEXTS), "0", "360", "359.999", "-0", "1e400", "nan", "inf", "-1", "٣", "12,5",
      "9" * 5_000, "last", "1", "--", "--json", "--help", "--north", "true", "\udcff", "a\udc80b", "/", ".", "x" * 5_000)

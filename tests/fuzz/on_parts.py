@@ -43,7 +43,7 @@ FAULTS = st.builds(
     st.lists(st.binary(max_size=34), max_size=40),
 )
 
-# Of a part that makes three transfers in all, and of one that tries each up to four times.
+# Of a part that makes three transfers in total, and of one that tries each up to four times.
 FAULTS_AT_ONCE = st.lists(st.binary(min_size=1, max_size=34), min_size=1, max_size=40)
 
 Answer = Callable[[bytes, int], bytes]

@@ -13,7 +13,7 @@ from tests.fuzz.target import Case, Target
 MODULES = (on_control, on_files, on_logs, on_parts, on_gpsd, on_live, on_mavlink, on_command)
 TARGETS = [each for module in MODULES for each in vars(module).values() if isinstance(each, Target)]
 LONG_TIMES = 40  # as many cases in the tier ``long``: minutes; chosen by us
-SLOW_BELOW = 10  # few cases are quick where each takes long
+SLOW_BELOW = 10  # few cases are quick if each takes long
 
 QUICK = [
     pytest.param(target, target.quick, id=target.name, marks=[pytest.mark.long] * (target.quick < SLOW_BELOW))

@@ -121,7 +121,7 @@ class Board(Breakable, SimMotors):
 
 
 class Needle(Breakable, SimCompass):
-    """A compass that reads what the test says, where it says something."""
+    """A compass that reads what the test says, if it says something."""
 
     name = "CMPS14 at 0x60 on /dev/i2c-1"
     level: int | None = 3
@@ -179,7 +179,7 @@ class Rig:
         return Inspection(self.config, self.rover, self.host, self.kept)
 
     def look(self, check: Check) -> Finding:
-        """Return what a check finds; the wheels stand afterwards, and every part is closed."""
+        """Return what a check finds; the wheels are stopped afterwards, and every part is closed."""
 
         async def main() -> Finding:
             async with self.inspection() as inspection:
@@ -190,7 +190,7 @@ class Rig:
         return found
 
     def calibrate(self, someone: Operator, *steps: Step) -> Calibration:
-        """Return what is known after these steps; the wheels stand afterwards, whatever happens."""
+        """Return what is known after these steps; the wheels are stopped afterwards, whatever happens."""
         try:
             return run_virtually(calibrate(self.config, self.rover, self.host, self.kept, someone, steps))
         finally:

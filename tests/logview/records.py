@@ -12,7 +12,7 @@ from wayfarer.fieldlog.record import SCHEMA, AnyRecord, Tick, decode
 from wayfarer.fieldlog.run_fold import RunFold
 from wayfarer.logview.narrator import Line, RunNarrator, Verbosity
 
-Json = dict[str, Any]  # a record as it stands in a line
+Json = dict[str, Any]  # a record as it is in a line
 SAMPLE_LOGS = Path(__file__).resolve().parents[2] / "field_logs"
 RUN = "00017-20261121T061405Z"  # a folder's name
 BEGAN_WALL_S = 1_800_000_000.0
@@ -49,7 +49,7 @@ def noted(t_s: float, note: str) -> Json:
 def tick(t_s: float, **fields: Any) -> Json:
     """Return a tick of a rover that drives north at half duty, unless ``fields`` say otherwise.
 
-    What is no key of a tick is remembered by its algorithm.
+    What is not a key of a tick is remembered by its algorithm.
     """
     memory = {"counter_deg": 0.0, "episodes": 0}
     memory |= {key: fields.pop(key) for key in list(fields) if key not in Tick.__struct_fields__}

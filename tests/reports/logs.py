@@ -102,7 +102,7 @@ def check_page(page: str) -> None:
 
 
 def line_of(name: str, data: RunData) -> Line | None:
-    """A line of the time panels; None where the log does not have it."""
+    """A line of the time panels; None if the log does not have it."""
     (quantity,) = (each for panel in PANELS for each in panel.quantities if each.name == name)
     return quantity.line(data)
 

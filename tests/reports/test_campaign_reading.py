@@ -1,4 +1,4 @@
-"""What a folder must hold to be reported on, and what is said where it does not."""
+"""What a folder must hold to be reported on, and what is said if it does not."""
 
 from __future__ import annotations
 

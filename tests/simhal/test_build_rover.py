@@ -80,7 +80,7 @@ def test_trial_is_the_same_at_both_depths(drawn: tuple[str, str, int, int, int])
 
 
 def test_trials_of_other_seeds_differ() -> None:
-    """The tests above compare something that a rover's senses decide."""
+    """The tests above compare something that a rover's sensors decide."""
     spec = replace(spec_of(*DRAWN[0]), budget_m=20.0)
     assert run_trial(spec).path_m != run_trial(replace(spec, seed=1)).path_m
 

@@ -18,7 +18,7 @@ SLOW_DISK, CLOCK_STEP = "slow_disk", "clock_step"
 
 
 def _number(name: str) -> float:
-    """Return the number in a file, 0 where there is none."""
+    """Return the number in a file, 0 if there is none."""
     try:
         return float(Path(name).read_text(encoding="ascii"))
     except (OSError, ValueError):

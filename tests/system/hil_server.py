@@ -123,7 +123,7 @@ class HilServer:
             writer.close()
 
     async def answer(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Do what a request says and return the reply; where that failed ``error`` says why, and ``errno`` as Linux."""
+        """Do what a request says and return the reply; if that failed ``error`` says why, and ``errno`` as Linux."""
         do = getattr(self, f"_do_{request.pop('do')}")
         try:
             reply: dict[str, Any] = await do(**request)

@@ -183,7 +183,7 @@ class Site:
         Raises:
             HilSetupError: they do not stand still.
         """
-        wait_for("the wheels stand still", lambda: not self.turning)
+        wait_for("the wheels stay stopped", lambda: not self.turning)
         time.sleep(LOOKED_S)
         if self.turning:
             raise HilSetupError("the wheels turn again")

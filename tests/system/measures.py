@@ -32,7 +32,7 @@ def now_s() -> float:
 
 
 def stop_after(commands: Commands) -> tuple[float, float]:
-    """Return when wheels that stand were last told to turn, and when they were told to stand for good.
+    """Return when wheels that are stopped now were last told to turn, and when they were told to stand for good.
 
     Raises:
         ValueError: they were never told to turn.
@@ -73,7 +73,7 @@ def first_stop(commands: Commands, after_s: float) -> tuple[float, float]:
 def after_death(commands: Commands, died_s: float) -> tuple[float | None, float | None]:
     """Return how long after the last command, and after the death, wheels that turned were stopped; None for others.
 
-    Infinite where they were not.
+    Infinite if they were not.
     """
     told = [command for command in commands if command[0] <= died_s]
     if not told or not any(told[-1][1:]):
@@ -88,7 +88,7 @@ def after_death(commands: Commands, died_s: float) -> tuple[float | None, float 
 class ReadBack(NamedTuple):
     """What can be read of a log.
 
-    ``last_tick_s`` is the time of its last control tick, None where there is none; ``armed`` and ``ended`` whether it
+    ``last_tick_s`` is the time of its last control tick, None if there is none; ``armed`` and ``ended`` whether it
     tells of arming and of an outcome; ``torn`` whether a line of it is cut.
     """
 

@@ -67,7 +67,7 @@ main()
 
 
 def why_not(folder: Path) -> str | None:
-    """Say why no systemd can be booted here, or None where it can be; ``folder`` is an empty one to mount on."""
+    """Say why no systemd can be booted here, or None if it can be; ``folder`` is an empty one to mount on."""
     if os.geteuid() != 0:
         return "booting a systemd needs root"
     missing = [name for name in ("unshare", "timeout", "systemd-nspawn", "dbus-daemon") if shutil.which(name) is None]
@@ -83,7 +83,7 @@ def boot(scenario: Path, folder: Path, boots: int = 1) -> Path:
     With more ``boots`` that is done again, on the same files.
 
     What the system said on its console is among them (``console.txt``), and what the scenario said (``driver.txt``,
-    absent where the system did not come so far).
+    absent if the system did not come so far).
     """
     seed, mounts, results = (folder / name for name in ("seed", "mounts", "results"))
     for each in (seed, mounts, results):
@@ -111,7 +111,7 @@ def in_own_mounts(script: str, *arguments: str | Path) -> list[str]:
 
 
 def control_groups() -> dict[str, str]:
-    """Ask for control groups of version 1 where the host has those; a container cannot have others than its host."""
+    """Ask for control groups of version 1 if the host has those; a container cannot have others than its host."""
     return {} if Path("/sys/fs/cgroup/cgroup.controllers").exists() else {"SYSTEMD_NSPAWN_UNIFIED_HIERARCHY": "0"}
 
 

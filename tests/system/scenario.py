@@ -65,7 +65,7 @@ def shown() -> dict[str, str]:
 
 
 def mode() -> str | None:
-    """What the daemon says of itself: disarmed, arming, armed; None where it does not answer."""
+    """What the daemon says of itself: disarmed, arming, armed; None if it does not answer."""
     answer = run(WAYFARER, "status", "--json")
     return str(json.loads(answer["out"])["mode"]) if answer["code"] == 0 else None
 

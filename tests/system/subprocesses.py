@@ -35,7 +35,7 @@ WAYFARER = python(MAIN)
 
 @contextmanager
 def starting() -> Iterator[None]:
-    """Have this thread come before ordinary ones, and what it starts too, where the user may do that."""
+    """Have this thread come before ordinary ones, and what it starts too, if the user may do that."""
     before = os.getpriority(os.PRIO_PROCESS, 0)
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, STARTING_NICENESS)
@@ -46,7 +46,7 @@ def starting() -> Iterator[None]:
 
 
 def put_first(pid: int, priority: int = DAEMON_PRIORITY) -> None:
-    """Have a process that runs come before others, with its threads and its children, where the user may do that."""
+    """Have a process that runs come before others, with its threads and its children, if the user may do that."""
     with suppress(FileNotFoundError):
         for thread in Path(f"/proc/{pid}/task").iterdir():
             with suppress(FileNotFoundError):  # one that ends keeps no other back
@@ -56,7 +56,7 @@ def put_first(pid: int, priority: int = DAEMON_PRIORITY) -> None:
 
 
 def put_thread_first(thread: int, priority: int = DAEMON_PRIORITY) -> None:
-    """Have a thread come before others, where the user may do that; 0 is the one that asks."""
+    """Have a thread come before others, if the user may do that; 0 is the one that asks."""
     with suppress(PermissionError, ProcessLookupError):
         os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(priority))
 

@@ -1,4 +1,4 @@
-"""The motor board loses its power for a moment while the rover drives, and then the computer dies: do the wheels stand?
+"""The motor board loses its power for a moment while the rover drives, then the computer dies: do the wheels stop?
 
 A board that has lost its power has forgotten its deadman. A daemon that drives on, and is killed before it has noticed,
 would leave wheels that nothing stops. More often:

@@ -137,7 +137,7 @@ async def test_fixes_come_while_gpsd_runs_and_its_death_is_noticed(daemon: Daemo
 
 
 def drives_off(second: int) -> str:
-    """Go north by 37 m a second."""
+    """Go north by 37 m per second."""
     return epoch(second, place=LATITUDE.replace("5130.1000", f"{5130.1 + 0.02 * second:.4f}"))
 
 

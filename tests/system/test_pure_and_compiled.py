@@ -15,7 +15,7 @@ pytestmark = [
     pytest.mark.process,
     pytest.mark.skipif(
         not [*ROOT.glob("wayfarer/control/controller.*.so")],
-        reason="nothing is compiled here: .ci/run has a copy where it is",
+        reason="nothing is compiled here: .ci/run has a compiled copy",
     ),
 ]
 

@@ -1,7 +1,7 @@
 """SIGKILL at random instants of a daemon's life, again and again over the same bench (fault catalogue, faults 33, 35).
 
 A killed daemon can do nothing any more. What must hold all the same: the motor board's own deadman stops the wheels
-within its period; the next start is disarmed and its wheels stand still; the log of the killed run reads back at least
+within its period; the next start is disarmed and its wheels stay stopped; the log of the killed run reads back at least
 to its last sync; no two runs share a number. More often:
 ``KILLS=200 pytest -n 0 -m long -s tests/system/test_sigkill.py``.
 """
@@ -131,7 +131,7 @@ class Killer:
     def _forgive(self, ended: subprocess.Popen[bytes]) -> None:
         """Let go of a daemon that ended by itself; that it must stop its wheels is another row's."""
         ended.wait()
-        wait_for("the wheels stand still", lambda: not self._site.turning)
+        wait_for("the wheels stay stopped", lambda: not self._site.turning)
         self._still_since_s = now_s()
 
     # -- what is left ------------------------------------------------------------------------------------------------

@@ -117,7 +117,7 @@ def stands(site: Site, verb: str, *options: str) -> subprocess.Popen[bytes]:
         return site.daemon("--manual", *options)
     daemon = site.armed(*options)
     site.ask("hold")
-    wait_for("the wheels stand", lambda: not site.turning)
+    wait_for("the wheels are stopped", lambda: not site.turning)
     return daemon
 
 

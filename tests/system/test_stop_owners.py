@@ -81,7 +81,7 @@ def test_wheels_turn_again_a_second_after_the_daemon_is_woken_or_not_at_all(site
     def causes() -> set[str]:
         return {record["cause"] for record in site.log() if record.get("name") == "health" and "cause" in record}
 
-    # A thread writes the log. The second cause is there where the daemon slept amid a transfer.
+    # A thread writes the log. The second cause is there if the daemon slept amid a transfer.
     wait_for("the log says why", lambda: causes() & {"resume_warning", "motors_failed"})
 
 

@@ -1,4 +1,4 @@
-"""`wayfarer stop-motors` where the rover file is not what the daemon has read: real processes, over simulated chips."""
+"""`wayfarer stop-motors` if the rover file is not what the daemon has read: real processes, over simulated chips."""
 
 # ruff: noqa: TID251 - real processes need real time
 from __future__ import annotations
@@ -22,7 +22,7 @@ BOTH = pytest.mark.parametrize("site", sorted(OTHER), indirect=True)
 
 
 def as_nobody(site: Site) -> tuple[str, ...]:
-    """Return the command that runs wayfarer as a user who owns the site, where an interpreter lets one."""
+    """Return the command that runs wayfarer as a user who owns the site, if an interpreter lets one."""
     if os.geteuid() != 0:
         return WAYFARER
     site.environment["PYTHONPATH"] = os.pathsep.join(each for each in sys.path if each)

@@ -29,7 +29,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def report(results: Path) -> Report:
-    """What each step saw; the journal is shown where a test fails."""
+    """What each step saw; the journal is shown if a test fails."""
     for journal in results.glob("journal.txt"):
         print(journal.read_text(encoding="utf-8")[-6000:])
     found: Report = json.loads((results / "report.json").read_text(encoding="utf-8"))

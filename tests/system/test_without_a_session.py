@@ -52,5 +52,5 @@ def test_daemon_that_has_no_folder_says_what_to_type_and_that_is_enough(home: Pa
         " wayfarer stop; wait $!; echo ended $?",
     )
     assert "disarmed: not armed since the start (simulated)" in done.stdout
-    assert "arming: the wheels may turn in" in done.stdout
+    assert "arming: the wheels can turn after" in done.stdout
     assert done.stdout.endswith("ended 0\n"), done

@@ -91,7 +91,7 @@ class StuckDetector:
 
     @property
     def trouble(self) -> str:
-        """Why nobody should drive: a sense is silent or cannot be believed, or the body lies on its side; empty if not.
+        """Why nobody should drive: a sensor is silent or wrong, or the body lies on its side; empty if not.
 
         Motion without a command is none, because there is nothing to stop.
         """
@@ -110,7 +110,7 @@ class StuckDetector:
     ) -> bool:  # fmt: skip
         """Return whether the rover is stuck now; a command or heading that is not finite counts as none.
 
-        Call it once a control tick, 10 to 50 times a second.
+        Call it once per control tick, 10 to 50 times per second.
 
         Args:
             t_s: time of this tick, seconds on a clock that never goes back; at the same time the answer is the same.

@@ -23,13 +23,13 @@ def make_handler(
 ) -> EscapeHandler:
     """Return an escape algorithm that is ready for its first tick.
 
-    Call its ``decide`` once a control tick with an ``Observation``, and give the wheel duties of the decision, left and
-    right, each -1 to 1 of ``vehicle.max_speed_m_s``, to your motors. Or let a ``FailSafe`` call it.
+    Call its ``decide`` once per control tick with an ``Observation``, and give the wheel duties of the decision, left
+    and right, each -1 to 1 of ``vehicle.max_speed_m_s``, to your motors. Or let a ``FailSafe`` call it.
 
     Args:
         algorithm: a name that ``wayfarer list`` prints, or one of your own as ``"FILE.py:NAME"`` or
             ``"module:attribute"``.
-        vehicle: the measures of the body, metres, and its top speed, metres a second.
+        vehicle: the measures of the body, metres, and its top speed, metres per second.
         settings: distances, angles and speeds of the manoeuvres; the paper's by default.
         seed: of the algorithms that draw at random. Without it each handler draws differently.
         contact: whether your observations have a ``contact``, which some algorithms need. A ``FailSafe``'s have not.

@@ -84,7 +84,7 @@ class Run:
 def open_run(run: int | str | Path = "last", *, log_dir: str | Path | None = None) -> Run:
     """Open the field log of a run, and read it once.
 
-    Where something of the log is damaged, the rest of it is given, and a warning says what is missing.
+    If something of the log is damaged, the rest of it is given, and a warning says what is missing.
 
     Args:
         run: its number, its folder or the folder's name; ``"last"`` is the newest run.

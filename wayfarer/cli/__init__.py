@@ -150,7 +150,7 @@ def _command(first: str) -> Any:
 
 
 def _fail(text: str, exit_code: int) -> int:
-    if text:  # there is none where the help was the answer
+    if text:  # there is none if the help was the answer
         line = escape_control_chars(" ".join(text.splitlines()))
         print(painted("wayfarer:", "fault", sys.stderr), line, file=sys.stderr)
     return exit_code

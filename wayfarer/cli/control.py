@@ -58,7 +58,7 @@ def arm(
     with _as_this_version():
         for warning in reply["warnings"]:
             print("warning:", warning)
-        print(f"arming: the wheels may turn in {reply['start_delay_s']:g} s")
+        print(f"arming: the wheels can turn after {reply['start_delay_s']:g} s")
 
 
 def disarm() -> None:
@@ -113,7 +113,7 @@ ACCEPT_NEGATIVE = {arm, goal, mark}  # -20 is a heading, or a word of a note, an
 
 @contextmanager
 def _as_this_version() -> Iterator[None]:
-    """Say so where the details of an answer are not those that this version gives."""
+    """Say so if the details of an answer are not those that this version gives."""
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError):

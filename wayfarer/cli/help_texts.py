@@ -26,7 +26,7 @@ class _Argument(TyperArgument):
         return None
 
     def get_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the name for the usage line: ``RESULTS``, or ``[RUN]`` where it may be left out."""
+        """Return the name for the usage line: ``RESULTS``, or ``[RUN]`` if it may be left out."""
         return [piece.translate(NO_BRACES) for piece in super().get_usage_pieces(ctx)]
 
 

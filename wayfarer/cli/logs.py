@@ -293,7 +293,7 @@ def _damage_of(run: Path) -> Damage:
 
 
 def _tell_damage(damage: Damage) -> None:
-    """Say what of a log could not be read, where that is anything; stdout is for the run itself."""
+    """Say what of a log could not be read, if that is anything; stdout is for the run itself."""
     if damage:
         print(damage, file=sys.stderr)
 

@@ -111,7 +111,7 @@ def run(
 
 
 def stop_motors(*, rover: Rover = None) -> None:
-    """Stop the motors directly, where the daemon does not: those that it drove last, and those of the rover file."""
+    """Stop the motors directly, if the daemon does not: those that it drove last, and those of the rover file."""
     from wayfarer.daemon.stop_motors import stop_motors as stop
 
     print(stop(str(ROVER_FILE) if rover is None else rover))

@@ -53,11 +53,11 @@ def with_settings(command: Command, **defaults: Any) -> Command:
 
     It gets those that were given as a dict, ``asked``. A value is checked with all others (``experiments.checks``).
     The options are made when the command is asked for: no other command needs the simulator's settings, and what an
-    option means stands in their source.
+    option means is in their source.
 
     Args:
         command: a function with an argument ``asked``.
-        defaults: of this command, where they differ.
+        defaults: of this command, if they differ.
     """
     own = [each for each in inspect.signature(command, eval_str=True).parameters.values() if each.name != "asked"]
     first = [each for each in own if each.kind is not each.KEYWORD_ONLY]

@@ -120,7 +120,7 @@ async def _teach(compass: CMPS14, operator: Operator) -> None:
 
 
 async def _find_its_north(compass: BNO055, table: Mapping[str, Any], operator: Operator) -> None:
-    """Say which ``heading_offset_deg`` agrees with another compass: no source tells which of its axes is heading 0."""
+    """Say which ``heading_offset_deg`` agrees with another compass: no document says which of its axes is heading 0."""
     heading_deg = await _heading(compass, operator, "Leave the rover where it is, and step back.")
     question = "Which way does its nose point, by another compass held well above it, in degrees from magnetic north?"
     off_deg = wrap180(await operator.number(question, round(heading_deg)) - heading_deg)
@@ -238,7 +238,7 @@ async def _heading_at(duty: float, motors: DriveMotors, compass: Compass) -> flo
 DISTANCE_M = 2.0
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
 UNSEEN_MAX = 0.05  # share of readings without quality: the way made during them is missing
-STILL_S = 2.0  # of a camera at rest; at 10 pictures a second: 20 of them
+STILL_S = 2.0  # of a camera at rest; at 10 pictures per second: 20 of them
 TIMES_STILL_MIN = 2.0  # less change than that is not told from noise
 
 

@@ -105,7 +105,7 @@ def stamp(part: str, t_wall: float) -> dict[str, Any]:
 def calibration_file(environment: Mapping[str, str], home: Path, system: Path = STATE_FOLDER) -> Path:
     """Return where the file is.
 
-    In systemd's ``STATE_DIRECTORY`` where it is set, else in ``/var/lib/wayfarer`` where that may be written, else in a
+    In systemd's ``STATE_DIRECTORY`` if it is set, else in ``/var/lib/wayfarer`` if that may be written, else in a
     folder of the user's own.
     """
     if given := environment.get("STATE_DIRECTORY", "").partition(":")[0]:

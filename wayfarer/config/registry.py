@@ -85,7 +85,7 @@ def names_code(name: str) -> bool:
 
 
 def refuse_code(*names: str) -> None:
-    """Refuse names that stand for code to import, in what somebody else may have written: a log, or results.
+    """Refuse names that mean code to import, in what somebody else may have written: a log, or results.
 
     Raises:
         BadInput: one is a file or a ``"module:attribute"``; importing it would run code of the sender's choice.
@@ -137,7 +137,10 @@ def make_buses(name: str) -> Any:
         buses = make()
     except WayfarerError:
         raise
-    except (Exception, SystemExit) as error:  # a third party's may raise anything; what is no function cannot be called
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # a third party's may raise anything; what is not a function cannot be called
         raise BadInput(f"buses '{name}': {path} gives no buses: {kind_and_text(error)}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
         raise BadInput(f"buses '{name}': {path} does not give a wayfarer.drivers.buses.Buses")
@@ -193,7 +196,7 @@ def _only_one(kind: str, path: str, module: ModuleType, misfit: Callable[[Any], 
 
 
 def _algorithm_misfit(found: Any) -> str:
-    """Return why something is no algorithm; nothing if it can be one."""
+    """Return why something is not an algorithm; empty if it can be one."""
     if isinstance(found, Algorithm):
         return _requires_misfit(found.requires)
     if not isinstance(found, type):
@@ -215,7 +218,7 @@ def _requires_misfit(requires: object) -> str:
 
 
 def _driver_misfit(found: Any) -> str:
-    """Return why something is no driver; nothing if it can be one."""
+    """Return why something is not a driver; empty if it can be one."""
     kinds = get_type_hints(Rover)
     if not isinstance(found, type):
         return f"is a {type(found).__name__}, not a class"

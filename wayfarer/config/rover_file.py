@@ -43,7 +43,7 @@ _TEXT = "utf-8-sig"  # some editors begin a file with a byte order mark
 
 @dataclass(frozen=True, slots=True)
 class LogSettings:
-    """Limits of the logs, in MB (1,000,000 bytes). At 20 Hz a run writes 14 kB a second: 50 MB an hour."""
+    """Limits of the logs, in MB (1,000,000 bytes). At 20 Hz a run writes 14 kB per second: 50 MB per hour."""
 
     part_mb: Annotated[float, Interval(ge=1, le=2000)] = 50.0
     """Size of one file of a log: an hour, small enough for an editor and for a phone's connection, and far below the
@@ -126,7 +126,7 @@ class RoverConfig(BaseModel):
     @field_validator("anomaly_source")
     @classmethod
     def _sources_are_witnesses(cls, source: str) -> str:
-        """Refuse what is no list of witnesses."""
+        """Refuse what is not a list of witnesses."""
         names = source.split("+")
         if len(set(names)) < len(names) or not WITNESSES.keys() >= set(names):
             allowed = ", ".join(map(repr, WITNESSES))
@@ -233,7 +233,7 @@ class RoverConfig(BaseModel):
         return buses
 
     def with_anomaly_source(self, source: str) -> Self:
-        """Return the same rover, noticing obstacles by other senses, as ``anomaly_source`` names them."""
+        """Return the same rover, noticing obstacles by other sensors, as ``anomaly_source`` names them."""
         return self.model_copy(update={"anomaly_source": source})
 
 

@@ -39,7 +39,7 @@ from wayfarer.safety.power import MotorBoardMonitor, SupplyMonitor, meaning
 from wayfarer.safety.tick_interval import IntervalTimer
 from wayfarer.vocabulary import disarmed_text, goal_text, health_text
 
-# Looking up a member of an Enum through its class is slow, and the tick does it 20 times a second.
+# Looking up a member of an Enum through its class is slow, and the tick does it 20 times per second.
 _ARMED: Final = Mode.ARMED
 _MANUAL: Final = Mode.MANUAL
 _FAULT: Final = Level.FAULT

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from mypy_extensions import mypyc_attr
 
-# A person may send some requests quickly; a script in an endless loop is limited to 2 records a second.
+# A person may send some requests quickly; a script in an endless loop is limited to 2 records per second.
 ASKED_AT_ONCE: Final = 5
 ASKED_HZ: Final = 2.0
 
@@ -96,7 +96,7 @@ class Rate:
 
 
 class RateLimiter:
-    """Limits how often something may be done: ``most`` times at once, on average ``rate_hz`` times a second. Pure."""
+    """Limits how often something may be done: ``most`` times at once, on average ``rate_hz`` times per second. Pure."""
 
     def __init__(self, most: int = ASKED_AT_ONCE, rate_hz: float = ASKED_HZ) -> None:
         self._most = most

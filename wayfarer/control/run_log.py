@@ -131,7 +131,7 @@ class DriverCounters:
             if counts != noted:
                 self.counting[part] = counts
                 told = ", ".join(f"{what.replace('_', ' ')}: {count}" for what, count in counts.items())
-                self._log.logger.info(  # nothing is wrong: the driver has helped itself
+                self._log.logger.info(  # not a warning: the driver recovered by itself
                     "part_troubles", t_s=t_s, text=f"The {part.name} still works after errors ({told})",
                     part=part.name, counts=counts,
                 )  # fmt: skip

@@ -7,7 +7,7 @@ blue       steady   disarmed
 yellow     fast     arming, or a long hold has ended: step away, it drives off soon
 green      steady   driving
 white      slow     escaping: feeling its way around something
-cyan       twice    driving with limits: a sense is lost, a side is weak, there is no progress
+cyan       twice    driving with limits: a sensor is lost, a side is weak, there is no progress
 green      slow     driven by a person
 yellow     steady   held, goes on by itself or by ``wayfarer resume``
 magenta    slow     battery low

@@ -65,7 +65,7 @@ def running_inspection(
 
 
 Inspect = Callable[[DriverError | None], Inspection]
-"""Returns the present state for the checks; the argument is why the motors did not open, None if they did."""
+"""Returns the current state for the checks; the argument is why the motors did not open, None if they did."""
 
 LOGGING = ("disk", "log")  # the checks that ``arm --without-log`` only warns of
 
@@ -77,7 +77,7 @@ class ArmingCheck:
 
     Args:
         supervisor: the run.
-        inspect: returns the present state for the checks.
+        inspect: returns the current state for the checks.
         log: the run's log.
         checks: those that must not fail before the rover is armed.
     """

@@ -96,11 +96,11 @@ class RoverCommands:
     Args:
         supervisor: the run.
         motors: its motors, for stops that do not wait for the next tick.
-        inspect: returns the present state for the checks before arming.
+        inspect: returns the current state for the checks before arming.
         log: the run's log.
         about: constant details for ``status``: version, rover, algorithm.
         checks: the checks that must not fail before the rover is armed.
-        storage: returns what ``status`` says of the log and its disk; nothing is wrong where nobody watches it.
+        storage: returns what ``status`` says of the log and its disk; nothing is wrong if nobody watches it.
         keep: keeps this run, which somebody has marked, from being deleted; must not wait.
     """
 
@@ -165,7 +165,7 @@ class RoverCommands:
         if self._controller.waits_for_motors:
             raise RequestRefused("the motor board has failed and is being opened again: try again in some seconds")
         if not self._begun.take(_now_s()):
-            raise RequestRefused(f"begun too often: at most {ASKED_HZ:g} times a second for long; wait a second")
+            raise RequestRefused(f"begun too often: at most {ASKED_HZ:g} times per second for long; wait a second")
         lease = randbelow(WHOLE_MAX)
         await _started(self._supervisor.begin_manual(asked, lease, driver, self._check.before_driving_by_hand))
         return {"mode": self._controller.mode.value, "lease": lease, "deadman_s": settings.deadman_s}
@@ -236,7 +236,7 @@ class RoverCommands:
         return {}
 
     async def link_lost(self, text: str) -> Details:
-        """Write into the log that a viewer has lost its person; a mark would keep the run for ever."""
+        """Write into the log that a viewer has lost its connection; a mark would keep the run for ever."""
         self._log.logger.warning("link_lost", t_s=_now_s(), text=f"The link is lost: {text}")
         return {}
 

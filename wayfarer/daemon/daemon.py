@@ -265,7 +265,7 @@ class Daemon:
             "algorithm": service.algorithm.name,
             "simulated": service.simulated,
             "dry_run": service.dry_run,
-            # Whole, for the client may be in another folder; JSON has no bytes that are no text.
+            # The whole path: the client may be in another folder; JSON has no bytes that are not text.
             "log": os.fsencode(folder.absolute()).decode(errors="replace"),
             "start_delay_s": config.safety.start_delay_s,
         }

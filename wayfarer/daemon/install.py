@@ -1,4 +1,4 @@
-"""``wayfarer install-service``: writes the service's unit, where no Debian package has brought it."""
+"""``wayfarer install-service``: writes the service's unit, if no Debian package has brought it."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class MissionKeeper(RunLog):
 
     Args:
         run: the folder of the run, among all others.
-        log: takes the event; must be told of the run after this, because it takes none after the outcome.
+        log: takes the event. Write it before the outcome of the run: the log takes no event after that.
         tell: takes a line for the person if the file cannot be written; from any thread.
         wall: the wall clock, given the loop's time.
     """

@@ -24,8 +24,9 @@ DITHER_DEG: Final = 0.2
 # wheels shake it. One of whole degrees does on a smooth floor, so a compass must have shown a step within
 # ``DITHER_DEG`` first. Chosen by us: a hundred readings, and 5 m at 1 m/s.
 REPEATS_S: Final = 5.0
-# Nor does one show the same heading during so much of commanded turns on a body that is seen to move (fault catalogue,
-# fault 4). A body that stands may be held, so then pitch and roll must stay as well. Slower turns do not count.
+# It does not show the same heading either during so much of commanded turns on a body that is seen to move (fault
+# catalogue, fault 4). A body that stands may be held, so then pitch and roll must stay as well. Slower turns do not
+# count.
 FROZEN_S: Final = 1.0
 TURNS_FROM_DEG_S: Final = 20.0
 # A heading is rejected if it is further from the last one, and faster than the rover can turn (fault 5: in 50 ms).

@@ -150,8 +150,8 @@ class TiltMonitor:
 
     A body that is tipping over to a side counts as tilted at once: its tilt grows so fast that it would soon be too
     much. The rate is that of the slower of the last two steps between readings, so that one wrong reading or one bump
-    does not count as tipping; nor does a tilt below half of the limit. Tipping and overturned are counted from the
-    horizontal.
+    does not count as tipping. A tilt below half of the limit does not either. Tipping and overturned are
+    counted from the horizontal.
     """
 
     def __init__(self, settings: DetectorSettings, ground: GroundSlope) -> None:
@@ -225,7 +225,7 @@ DOWNHILL_SHARE: Final = 0.5
 class GradeCompensation:
     """Adds the duty that the slope takes up.
 
-    Call ``update`` once a tick, ``compensate`` for a decision of the algorithm, then ``on_flat_ground`` for what was
+    Call ``update`` once per tick, ``compensate`` for a decision of the algorithm, then ``on_flat_ground`` for what was
     applied.
     Turns on the spot have a separate load: wheels that slip sideways push less against the slope.
 

@@ -25,7 +25,7 @@ class MotionMonitor(ReadingInterval):
     """Judges each reading once: ``moved`` is what this tick's reading shows, None if there is none.
 
     A reading is not ``known`` if its quality is low, if it cannot be, or if it is doubted (``ZeroDoubt``,
-    ``ReadingDoubt``). Nor is anything while the sensor is silent: motion that nobody saw is unknown, not zero.
+    ``ReadingDoubt``). Nothing is known while the sensor is silent: motion that nobody saw is unknown, not zero.
 
     ``watched`` says whether silence is a condition, ``sightless`` that there is no such sensor, and that strides are
     bounded all the same, because the witnesses that there are see no slip. ``by_yaw`` says whether a heading that does
@@ -268,7 +268,7 @@ class ReadingDoubt:
         if forward_m != self._last_m or right_m != self._last_right_m or abs(forward_m) < COUNTS_FROM_M:
             self._repeats = 0
         elif commanded_m:
-            self._repeats += 1  # wheels that stand must not begin a doubt: motion is a runaway then
+            self._repeats += 1  # wheels that are stopped must not begin a doubt: motion is a runaway then
         self._last_m, self._last_right_m = forward_m, right_m
         if (commanded_m > 0.0) is not self._ahead:
             self._ahead, self._stopped_s = not self._ahead, -inf
@@ -313,9 +313,9 @@ class RunawayMonitor:
     not running away. This monitor does not know whether the rover is armed; a person may push one that is not, so
     the controller ignores the finding then.
 
-    Nor is a body that gravity moves downhill. It rolls, no faster than the speed at which its braked motors take up its
-    weight; or it slides, but only for ``SLIDES_S`` after the stop, and no faster than ``FASTEST`` and what free fall
-    along the slope has added since. What is faster is driven.
+    A body that gravity moves downhill is not running away either. It rolls, no faster than the speed at which its
+    braked motors take up its weight; or it slides, but only for ``SLIDES_S`` after the stop, and no faster than
+    ``FASTEST`` and what free fall along the slope has added since. What is faster is driven.
 
     ``falls_ahead_deg`` and ``falls_back_deg`` are how far ground or body fall to either end, as far as that is known;
     the most that they may.

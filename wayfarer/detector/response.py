@@ -48,7 +48,7 @@ SEEN_FROM_M: Final = 0.01
 LEAST_SEEN: Final = 3
 LONGEST_S: Final = 3.0
 # A body that turns faster than this in the short window does not stand: its speed ahead has become speed sideways. A
-# trunk turns a body by at most 67 degrees a second (measured in MuJoCo, friction 0.3).
+# trunk turns a body by at most 67 degrees per second (measured in MuJoCo, friction 0.3).
 TURNS_FROM_DEG_S: Final = 70.0
 
 

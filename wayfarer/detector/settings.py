@@ -20,7 +20,7 @@ from wayfarer.setting_ranges import (
 
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
-    """Thresholds; "fault" is a row of the fault catalogue. What has no source says so, or explains its choice."""
+    """Thresholds; "fault" is a row of the fault catalogue. What we chose says so, or explains why."""
 
     # -- stuck ------------------------------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ Encoders measure it. The current tells it as well: that of a motor falls in a li
 nothing at free speed, so rims turn at ``duty - current / stall current`` of the speed at full duty. A limit in amperes
 would not do: at a third of the duty a motor that is held draws a third of its stall current.
 
-Rims that turn say nothing: wheels spin where the ground gives no grip. Who is believed is in ``witnesses``.
+Rims that turn say nothing: wheels spin if the ground gives no grip. Who is believed is in ``witnesses``.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ _PLACEMENTS = {  # data sheet page 25: register 41, then 42
     "P0": (0x21, 0x04), "P1": (0x24, 0x00), "P2": (0x24, 0x06), "P3": (0x21, 0x02),
     "P4": (0x24, 0x03), "P5": (0x21, 0x01), "P6": (0x21, 0x07), "P7": (0x24, 0x05),
 }  # fmt: skip
-# m/s², degrees a second, degrees, °C. Written because the data sheet has two values for what holds at power-up.
+# m/s², degrees per second, degrees, °C. Written because the data sheet has two values for what holds at power-up.
 _METRIC = 0x00
 _AFTER_RESET = (_CONFIG, 0, *_PLACEMENTS["P1"])  # mode, power, axis map, axis signs
 _FUSION_RUNS = 5

@@ -1,6 +1,6 @@
 """Wheel encoders at the GPIO pins: two channels, A and B, at one wheel of each side.
 
-Each edge moves a state of four; the pins' thread counts. Python keeps up with one or two thousand edges a second, and
+Each edge moves a state of four; the pins' thread counts. Python keeps up with one or two thousand edges per second, and
 two edges of a channel that are lost together are not noticed (docs/reference/hardware.md). Encoders with more edges
 belong at a board that counts, such as a RoboClaw. One channel alone does not say which way a wheel turns: it is not
 supported.

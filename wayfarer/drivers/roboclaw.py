@@ -23,7 +23,7 @@ Baud = Literal[38400, 57600, 115200, 230400, 460800]
 _TIMEOUT_TRIES = 3
 _UNITS_PER_VOLT = 10
 # What goes over the wire for a command to move (timeout and duties) and for a reading of the wheels (counters and
-# currents): bytes there and back, and in how many requests. The board needs more than 3 ms for an answer: with 5 ms
+# currents): bytes sent and received, and in how many requests. The board needs more than 3 ms for an answer: with 5 ms
 # every answer of 8 bytes at 38400 baud was late (zauberzeug/lizard, pull request 294).
 _DRIVE_BYTES, _WHEELS_BYTES, _REQUESTS = 14, 20, 2
 _ANSWERS_AFTER_S = 0.004
@@ -61,7 +61,7 @@ class RoboClawSettings:
         return self.timeout_s
 
     def keeps_up_with(self, control_hz: float) -> str | None:
-        """Return None if the board can take so many commands a second beside its wheels, otherwise the reason."""
+        """Return None if the board can take so many commands per second beside its wheels, otherwise the reason."""
         bytes_per_s = _DRIVE_BYTES * control_hz + _WHEELS_BYTES * _WHEELS_HZ
         load = bytes_per_s * _BITS_PER_BYTE / self.baud + _REQUESTS * (control_hz + _WHEELS_HZ) * _ANSWERS_AFTER_S
         return None if load <= _LOAD_MAX else f"baud = {self.baud}: the board would answer too late"

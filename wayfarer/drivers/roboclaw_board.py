@@ -74,7 +74,7 @@ class RoboClawLink:
         self._address = address
         self._stops = with_crc(address, Opcode.SET_DUTIES, bytes(4)) * _STOPS
         self._has_answered = False
-        self._moves_until_s = inf  # a request after that has a stop behind it; infinite while the wheels stand
+        self._moves_until_s = inf  # a request after that has a stop behind it; infinite while the wheels are stopped
 
     async def drive(self, first: int, second: int, timeout_s: float) -> None:
         """Give both motors their duties, of ``FULL_DUTY``. It is not tried again after a ``halt``.

@@ -86,7 +86,7 @@ class SabertoothSettings:
         return self.baud >= _TIMEOUT_EACH_TIME_FROM_BAUD
 
     def keeps_up_with(self, control_hz: float) -> str | None:
-        """Return None if the wire is fast enough for this number of commands a second, otherwise the reason.
+        """Return None if the wire is fast enough for this number of commands per second, otherwise the reason.
 
         Commands that the wire is too slow for wait in the kernel's buffer, and a stop would wait behind them.
         """

@@ -78,8 +78,8 @@ class ThunderBorg:
     rounded ones: level / (255 * duty_limit).
 
     The board's failsafe, off at power-up, is the deadman: it stops the motors when no drive command came for 0.25 s.
-    Whether requests count as commands is not documented; the controller drives 20 times a second. In a board that lost
-    its power for a moment the failsafe is off. So the board is asked before each command to move, and gets no such
+    Whether requests count as commands is not documented; the controller drives 20 times per second. In a board that
+    lost its power for a moment the failsafe is off. So the board is asked before each command to move, and gets no such
     command while it is off.
 
     ``error_counts`` counts the transfers that were tried again, and how often the board had lost its power.

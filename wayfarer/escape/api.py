@@ -121,7 +121,7 @@ class EscapeHandler(Protocol):
     """One algorithm at work in one run. Every phase but ``FOLLOW`` ends, also if the wheels turn and nothing moves."""
 
     def decide(self, observation: Observation) -> Decision:
-        """Return the decision for this tick. Called once a tick with strictly increasing ``t_s``; never raises."""
+        """Return the decision for this tick. Called once per tick with strictly increasing ``t_s``; never raises."""
 
     def reset(self) -> None:
         """Forget everything: a new mission begins."""

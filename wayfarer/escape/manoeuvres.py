@@ -47,7 +47,7 @@ _LIFTED_BEHIND: Final = frozenset({Anomaly.NOSE_DOWN})
 
 
 class Manoeuvre(ABC):
-    """Runs one phase: call ``begin``, then ``event`` and ``wheels`` once a tick until ``event`` returns an event."""
+    """Runs one phase: call ``begin``, then ``event`` and ``wheels`` once per tick until ``event`` returns an event."""
 
     phase: ClassVar[Phase]
 

@@ -49,7 +49,7 @@ SHUFFLE: Final = Rung(
     (Step(0.3, 0.0, 0.8), Step(0.25, 0.8, 0.0), Step(0.3, 0.0, -0.8), Step(0.25, -0.8, 0.0)) * 6,
 )
 # No step is longer than 3 s, for which motors may be held (fault catalogue, faults 29 and 58). The duties are shares of
-# what the gate allows. The times are chosen by us: at 1 m/s and 180 degrees a second they are some body lengths,
+# what the gate allows. The times are chosen by us: at 1 m/s and 180 degrees per second they are some body lengths,
 # and turns of a quarter to three quarters.
 RUNGS: Final = (
     Rung("ladder.other_side", (Step(0.6, -0.6, 0.0), Step(1.0, 0.0, 0.8), Step(0.8, 0.6, 0.0))),
@@ -156,7 +156,7 @@ class Ladder:
 class Recovery:
     """Takes the wheels from the algorithm if that makes no progress.
 
-    Call ``judge`` once a tick while the rover is armed, then ``decide``.
+    Call ``judge`` once per tick while the rover is armed, then ``decide``.
 
     Args:
         settings: when a rover makes no progress, and whether it gives up then.
@@ -200,7 +200,7 @@ class Recovery:
         ladder, progress, t_s = self._ladder, self._progress, tick.t_s
         blind = entrapped = False
         if conditions:
-            # A compass shows the tilt as well. Without both senses a detour would push the rover up a trunk until it
+            # A compass shows the tilt as well. Without both sensors a detour would push the rover up a trunk until it
             # tips.
             blind = not BLIND.isdisjoint(conditions) and Condition.HEADING_RECKONED not in conditions
             entrapped = Condition.ENTRAPPED in conditions  # the detector's word for full duty that never turns the body

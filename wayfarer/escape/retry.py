@@ -8,8 +8,8 @@ little and drives on as before, the *second try*. If it is stopped again at once
 as Forest-Pledge does. A touch and a tilt are obstacles at once.
 
 There is no second try for a rover that lacks tilt or motion sensor, also if one of them has failed: what pushes and
-does not see it climbs until it tips. Nor is there one after a blocked turn, and none any more once many in a row have
-met something. So Retry-Pledge is Forest-Pledge wherever second tries do not help, and stops once more a contact at
+does not see it climbs until it tips. There is none after a blocked turn either, and none any more once many in a row
+have met something. So Retry-Pledge is Forest-Pledge wherever second tries do not help, and stops once more a contact at
 most. All choices were made in physics-light: ``docs/explanation/better-escape.md``.
 """
 

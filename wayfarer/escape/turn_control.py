@@ -3,7 +3,7 @@
 Tyres resist sideways. A body therefore turns only if the *turn duty* (half the difference of both sides' duties,
 clockwise positive) is more than the ground's friction takes up; that share is the *dead zone*. It depends on ground,
 tyres, weight and motors: 0 on ideal ground, a tenth on mud, and half or more on dry soil (Kozlowski and Pazderski 2004,
-Mandow 2007). It is learnt only while the body turns, because a body that a tree holds shows nothing about the ground.
+Mandow 2007). It is learnt only while the body turns, because a blocked body shows nothing about the ground.
 
 A body follows its wheels as a filter of the first order. What has lasted is forgotten in the same way.
 """
@@ -35,7 +35,7 @@ def faded(value: float, dt_s: float, fade_s: float) -> float:
 # -- turns -------------------------------------------------------------------------------------------------------------
 
 # Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
-# second) counts for 4 degrees a second.
+# second) counts for 4 degrees per second.
 AVERAGE_S: Final = 0.2
 # Feedback: this share of the angle by which the heading lags is added to the turn rate per second. It is slow compared
 # with lag and tick together.
@@ -85,9 +85,9 @@ class PastTick:
 class TurnController:
     """Calculates the wheel command for a forward speed and a turn rate.
 
-    Call ``observe``, then ``wheels``, once a tick. If the wheels cannot deliver both, turning has priority over speed.
-    ``dead_zone`` is the turn duty that was learnt. ``blocked`` is True when there was more turn duty than forward duty
-    for ``GIVE_UP_AFTER_S`` of full duty, and the body did not turn.
+    Call ``observe``, then ``wheels``, once per tick. If the wheels cannot deliver both, turning has priority over
+    speed. ``dead_zone`` is the turn duty that was learnt. ``blocked`` is True when there was more turn duty than
+    forward duty for ``GIVE_UP_AFTER_S`` of full duty, and the body did not turn.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -228,7 +228,7 @@ class TurnController:
 # were expected to give, at several delays: with the right one the correlation is largest. The heading plus the expected
 # turn of that delay is the heading of now (a Smith predictor).
 
-# Delays that are compared, in control ticks; at 20 ticks a second they are 0.1 s apart, up to 0.6 s.
+# Delays that are compared, in control ticks; at 20 ticks per second they are 0.1 s apart, up to 0.6 s.
 STEP: Final = 2
 DELAYS: Final = 7
 LONGEST_TICKS: Final = STEP * (DELAYS - 1)
@@ -305,7 +305,7 @@ class CompassLag:
 
 # -- headings ----------------------------------------------------------------------------------------------------------
 
-# Bound of the integral, in rad s: with the default gain it adds at most 17 degrees a second. It learns unequal sides,
+# Bound of the integral, in rad s: with the default gain it adds at most 17 degrees per second. It learns unequal sides,
 # and must not wind up while something holds the rover.
 INTEGRAL_MAX_RAD_S: Final = 1.5
 # Beyond this error it turns on the spot. A body that is still further from its heading after the time of half a turn

@@ -127,7 +127,7 @@ def _client(address: str) -> Iterator[Client]:
 
 
 async def _kind(address: str) -> str:
-    """Ask what is there; a ``Client`` waits without end where something else than Dask listens."""
+    """Ask what is there; a ``Client`` waits without end if something else than Dask listens."""
     async with rpc(address, timeout=ANSWER_S) as there:
         identity = await asyncio.wait_for(there.identity(), ANSWER_S)
     return str(identity["type"])

@@ -5,7 +5,7 @@ A key is
 * a key of the rover file, by its dotted name (``escape.turn_angle_deg``), checked as the file is;
 * ``footprint_m``: ``vehicle.length_m`` and ``vehicle.width_m`` together, a square as in the paper;
 * ``slip_mean_m``, ``budget_m`` or ``ground``, which are options of ``wayfarer sim`` too;
-* ``senses``: a named set of errors of the senses;
+* ``senses``: a named set of errors of the sensors;
 * ``sim.`` and a number of the simulated world (``physics.Physics``), or ``sim.trees_per_ha``;
 * in MuJoCo ``sim.`` and a number of the terrain (``physics.Terrain``), such as the friction.
 """
@@ -43,7 +43,7 @@ MOST_CORNERS = 64  # of all bounds of what is drawn: those that are tried before
 FOOTPRINT = "footprint_m"
 BODY = ("vehicle.length_m", "vehicle.width_m")
 WORLD = "sim."
-PARTS = "parts."  # a driver knows its keys; not all of them stand in the file
+PARTS = "parts."  # a driver knows its keys; not all of them are in the file
 SENSES = "senses"
 SLOPE, DIRECTION = "sim.slope_deg", "sim.slope_direction_deg"
 NAMED_SENSES: Mapping[str, Mapping[str, float]] = {"ideal": {}, "field": FIELD}
@@ -61,7 +61,7 @@ OWN = ("slip_mean_m", "budget_m", "ground")
 PHYSICS = tuple(each.name for each in fields(Physics) if each.name not in OWN)
 TERRAIN = tuple(each.name for each in fields(Terrain))
 FOREST = tuple(each.name for each in fields(ForestKeys))
-# Of the numbers of physics-light MuJoCo has those of the senses and these (``trial_setup.TrialSpec``).
+# Of the numbers of physics-light MuJoCo has those of the sensors and these (``trial_setup.TrialSpec``).
 OF_SENSES = (each.name for each in fields(Senses))
 IN_BOTH = frozenset((*OF_SENSES, "slope_deg", "slope_direction_deg", "side_gain_sd", "slip_free_m", "tip_deg"))
 

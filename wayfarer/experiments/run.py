@@ -60,7 +60,7 @@ class TrialRunner:
         if self._run_trial:
             result = self._run_trial(spec)
         else:
-            from wayfarer.experiments.trial import run_trial  # the simulator is imported only where trials run
+            from wayfarer.experiments.trial import run_trial  # the simulator is imported only if trials run
 
             log_dir = self._logs / log_name(task) if self._logs else self._log_dir
             result = run_trial(spec, log_dir)

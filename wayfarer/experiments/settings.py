@@ -165,7 +165,7 @@ def checked_plain(asked: Mapping[str, Any], spell: Callable[[str], str] = str) -
 
 
 def as_plain(value: Any) -> Any:
-    """Return any kind of number as Python's own, since settings are kept as JSON. What is no number stays as it is."""
+    """Return any kind of number as Python's own, since settings are kept as JSON. Anything else stays as it is."""
     value = value.tolist() if hasattr(value, "tolist") else value  # NumPy's own; of an array a list
     if isinstance(value, bool | int | float | str | bytes | bytearray):
         return value
@@ -189,7 +189,7 @@ def as_decimal(text: str) -> Decimal:
     """Return a number that can be a setting.
 
     Raises:
-        ArithmeticError: it is no number.
+        ArithmeticError: it is not a number.
         ValueError: it is not finite, or so large or small that a whole number of it would fill the memory.
     """
     value = Decimal(text.strip())
@@ -227,7 +227,7 @@ def describe(without: Sequence[str] = (), **defaults: Any) -> Callable[[F], F]:
 
     Args:
         without: settings that it has in another form.
-        defaults: its own, where they differ.
+        defaults: its own, if they differ.
     """
 
     def described(function: F) -> F:

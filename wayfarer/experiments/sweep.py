@@ -95,7 +95,7 @@ def axis_of(key: str, values: Iterable[Any]) -> Axis:
 
 
 def parse_axis(text: str) -> Axis:
-    """Return the axis that a text names; a range includes its last value where a step ends there.
+    """Return the axis that a text names; a range includes its last value if a step ends there.
 
     Raises:
         BadInput: it is neither a list nor a range, or its values are too many.

@@ -77,7 +77,7 @@ SWEEP_COLUMNS = (
 def table_of(results: Results, *, full: bool = False) -> TextTable:
     """Return the table of a campaign or a sweep that has any rows; ``full`` with all intervals, for a page.
 
-    A row is about an algorithm, in a sweep at one point. The paper's figures stand below those of a campaign.
+    A row is about an algorithm, in a sweep at one point. The paper's figures are below those of a campaign.
     """
     plan = results.plan
     # A word a line: two long keys must fit 80 columns.

@@ -38,7 +38,7 @@ class TrialSpec:
 
     ``sensor_noise`` multiplies the noise of compass, tilt and flow. At a ``site`` a person walks beside the rover, and
     its time is limited. With a ``terrain`` the body moves in MuJoCo and not in physics-light; of ``physics`` then count
-    the noise of the senses, the slope, unequal sides, slips (as mud) and tipping. ``ground`` is what physics-light has
+    the noise of the sensors, the slope, unequal sides, slips (as mud) and tipping. ``ground`` is what physics-light has
     under the wheels. ``drawn`` are the keys that this trial drew, whose values are in the other fields, for its row.
     ``files`` are the files that algorithm and drivers are in, if they are somebody's own, by their names here.
     At a site, and with ``go_on``, the trial of a rover that is lost does not end before its budget or its time.

@@ -4,7 +4,7 @@ Dead reckoning has no latitude. So the path is fitted to all fixes, which finds 
 person says that it began; then nothing corrects it. What happened has its place on that path. If nothing could be
 reckoned, it is at the fix nearest in time. A track's ``type`` is ``fixes``, ``fitted`` or ``reckoned``.
 
-``elapsed_s`` and the receiver's ``error_m`` stand in extensions, because GPX has no element for them.
+``elapsed_s`` and the receiver's ``error_m`` are in extensions, because GPX has no element for them.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def write_gpx(run: Path, file: TextIO, origin: str | None = None) -> Damage:
 
 
 class PlacedEvent(NamedTuple):
-    """Something that happened at a place: ``mark``, ``anomaly``, ``hold`` or ``fault`` (the wheels stood), ``end``."""
+    """Something that happened at a place: ``mark``, ``anomaly``, ``hold`` or ``fault`` (wheels stopped), ``end``."""
 
     kind: str
     text: str

@@ -143,7 +143,7 @@ PLOTS: Mapping[str, Plot] = {
             "quality": "0 (unusable) to 1",
             "path_m": "distance by dead reckoning, forwards and backwards added up",
             "travelled_m": "distance as commanded",
-            "covered_m": "distance by the motion sensor, as commanded where the sensor is not usable",
+            "covered_m": "distance by the motion sensor, as commanded if the sensor is not usable",
         },
     ),
     "/battery": Plot(

@@ -1,7 +1,7 @@
 """A log as a table for spreadsheets and plots: one row per control tick, with the events since the last one.
 
 ``csv_rows`` has flat columns with units. ``elapsed_s`` is the time by which all tools name a moment. Columns of
-``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say stands in the
+``tick`` keep their names, readings are flattened (``compass_heading_deg``), and what other records say is in the
 row of the first tick after it, under the record's name (``board_battery_v``, ``truth_x_m``); events are joined in
 ``event``. Records after the last tick are in one more row.
 

@@ -87,7 +87,7 @@ def _new_run_folder(logs: Path, *, needed: bool) -> Path:
 
 
 def _name_after(last: int) -> str:
-    # Where another user has made the last one, the number stays and the name has something more.
+    # If another user has made the last one, the number stays and the name has something more.
     name = f"{min(last + 1, LAST_NUMBER):05d}-{time.strftime('%Y%m%dT%H%M%SZ', time.gmtime(wall_clock(0.0)))}"
     return name if last < LAST_NUMBER else f"{name}-{os.urandom(4).hex()}"
 

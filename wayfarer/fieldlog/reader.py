@@ -43,7 +43,7 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # an editor may have put it there
 class Damage:
     """What could not be read; its text says it to a person.
 
-    ``torn`` lines are no JSON: they have no end, or hold NUL bytes. ``unknown`` ones are of no known kind. In ``wrong``
+    ``torn`` lines are not JSON: they have no end, or hold NUL bytes. ``unknown`` ones have no known kind. In ``wrong``
     ones something cannot be, and ``first_wrong`` says what it was in the first of them. ``repeated`` ones have a number
     that does not grow. ``headless`` is 1 if the log does not begin with its header. ``unreadable`` parts could not be
     read to their end. ``missing`` records are not there, by their numbers: those in skipped lines, those that the disk
@@ -89,7 +89,7 @@ SAID = {
 
 
 class Lines:
-    """Takes the lines of one log in their order; what is no record in its place is counted in ``damage``.
+    """Takes the lines of one log in their order; what is not a record in its place is counted in ``damage``.
 
     The log may begin in any line if it is ``whole`` no more, so that the end of a file can be read alone.
     """

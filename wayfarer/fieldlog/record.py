@@ -377,7 +377,7 @@ def decode(line: bytes) -> AnyRecord:
 
     Raises:
         msgspec.ValidationError: it is JSON, but no record: an unknown kind, or a value that cannot be.
-        msgspec.DecodeError: it is no JSON.
+        msgspec.DecodeError: it is not JSON.
     """
     record: AnyRecord = _decoder.decode(line)
     return record

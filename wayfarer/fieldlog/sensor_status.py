@@ -73,12 +73,12 @@ class SensorStatus:
 
     @property
     def rate_hz(self) -> float:
-        """Return the readings a second over the whole run, NaN if there are not two."""
+        """Return the readings per second over the whole run, NaN if there are not two."""
         return self._gaps / self._spoken_s if self._spoken_s > 0.0 else nan
 
     @property
     def rate_now_hz(self) -> float | None:
-        """Return the readings a second of the last ``WINDOW_S``, None if there are not two."""
+        """Return the readings per second of the last ``WINDOW_S``, None if there are not two."""
         times_s = self._times_s
         span_s = times_s[-1] - times_s[0] if times_s else 0.0
         return (len(times_s) - 1) / span_s if span_s > 0.0 else None

@@ -33,7 +33,7 @@ RETRY_S = 1.0  # until a disk that failed is asked again
 OPEN_S, CLOSE_S = 1.0, 1.0  # how long the begin and the end of a run wait for the disk
 SILENT_S = 5.0  # until a person is told; a card pauses for half a second (docs/reference/hardware.md)
 BATCH = 256  # lines, written with one call
-QUEUE_BYTES = 4_000_000  # at 14 kB a second, nearly five minutes of a disk that takes nothing
+QUEUE_BYTES = 4_000_000  # at 14 kB per second, nearly five minutes of a disk that takes nothing
 URGENT_BYTES = 1_000_000  # beyond them, for urgent lines only
 RELIEF = 1.1  # so much more than ``free_mb`` must be free before ticks are written again
 # O_EXCL makes a new file: nothing is written over, and no symlink is followed. O_APPEND: whatever else happens to the

@@ -238,7 +238,7 @@ class ForestEnv(gymnasium.Env[Array, Array]):
     Reward, from ground truth: metres gained towards the goal line, minus 0.1 a second; 10 more for ``escaped``, 10 less
     for ``tipped``, ``fault`` and a rover that gave up (``entrapped``); nothing more for ``left_bounds``.
 
-    Terminated with those outcomes; truncated when the budget of path, or of four seconds a metre of it, is used up.
+    Terminated with those outcomes; truncated when the budget of path, or of four seconds per metre of it, is used up.
     ``info["ending"]`` then says how: an ``Ending``.
 
     Args:

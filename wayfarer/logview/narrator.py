@@ -69,7 +69,7 @@ class RunNarrator:
     """Turns what ``RunFold`` yields of a run into lines.
 
     Args:
-        verbosity: what is told of the control ticks. With ``CHANGES`` a line is told only where something has changed.
+        verbosity: what is told of the control ticks. With ``CHANGES`` a line is told only if something has changed.
     """
 
     def __init__(self, verbosity: Verbosity) -> None:
@@ -172,7 +172,7 @@ def further(tick: Tick) -> dict[str, Any]:
 
 
 def _tick_text(tick: Tick) -> str:
-    """Say everything about a single tick that fits a line; phase and heading stand in columns."""
+    """Say everything about a single tick that fits a line; phase and heading have columns."""
     heading = "no heading" if tick.heading_deg is None else f"heading {whole_deg(tick.heading_deg):>3}"
     wanted, applied = _duties(tick.wanted_left, tick.wanted_right), _duties(tick.applied_left, tick.applied_right)
     wheels = f"wanted {wanted}, applied {applied}"

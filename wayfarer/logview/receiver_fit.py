@@ -20,10 +20,10 @@ Places = NDArray[np.complex128]
 
 FAR_M = 10_000.0  # fixes this far from the median are start-up errors
 # What a compass and an odometer can be wrong by before the fixes have said anything: one part in five, 11 degrees (the
-# declination, which nobody corrects) or 20 % of the distance (slip). It has no source; in a run that is long against
+# declination, which nobody corrects) or 20 % of the distance (slip). Chosen by us; in a run that is long against
 # the receiver's error it does not matter.
 FREEDOM = 0.2
-# A receiver's error stays nearly the same for about so long, so its fixes count once a minute. It has no source.
+# A receiver's error stays nearly the same for about so long, so its fixes count once per minute. Chosen by us.
 WANDER_S = 60.0
 CAUCHY = 2.385  # standard deviations: 95 % efficient for normal errors (W. Rey, "Introduction to Robust Methods", 1983)
 RAYLEIGH = 1.1774  # the median distance in standard deviations of one axis

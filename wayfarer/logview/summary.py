@@ -298,7 +298,7 @@ def _time(summary: RunSummary, *, utc: bool) -> Iterator[str]:
         began = f" from {local_time(summary.began_wall_s, '%Y-%m-%d %H:%M:%S', utc=utc)}{' UTC' if utc else ''}"
     else:
         began = "" if summary.trial is not None else " (start time unknown: the clock was not set)"
-    yield f"{lasted} in all{began}; armed for {armed}"
+    yield f"{lasted} in total{began}; armed for {armed}"
     for how, times_s in (("held", summary.held_s), ("drove with limits", summary.limited_s)):
         yield from (f"{how} for {duration_text(for_s, 1)}: {in_words(cause)}" for cause, for_s in times_s.items())
 

@@ -1,6 +1,6 @@
 """What commands print: JSON for scripts, the next command for a person, and colour if it means something.
 
-JSON is one document on a line of stdout, or a document a line where a run is shown record by record;
+JSON is one document on a line of stdout, or a document per line where a run is shown record by record;
 ``docs/reference/json.md`` describes each. Notes, progress and the next command go to stderr.
 """
 

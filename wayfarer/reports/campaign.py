@@ -23,9 +23,9 @@ from wayfarer.reports.worst_trials import Progress, no_progress, worst_section
 from wayfarer.simhal.faults.kinds import parse_fault
 
 ESCAPE = (
-    "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or faulty counts "
-    "as not escaped at any length (a tick marks the longest of them). The percentage is where the curve ends, as in "
-    "the table. A click on a name hides its curve."
+    "Share of all trials that have escaped by a path of that length; one that was entrapped, tipped or ended in a "
+    "fault counts as not escaped at any length (a tick marks the longest of them). The percentage is where the "
+    "curve ends, as in the table. A click on a name hides its curve."
 )
 CAPTION = (
     "Mean difference over the pairs of trials in the same forest with the same noise, with its 95 % interval. "

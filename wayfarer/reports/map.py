@@ -53,7 +53,7 @@ class TimedPath(NamedTuple):
 class Track:
     """What the map shows of one run.
 
-    ``path`` is the best that is known, ``reckoned`` dead reckoning beside it where the run was simulated. ``fixes_m``
+    ``path`` is the best that is known, ``reckoned`` dead reckoning beside it if the run was simulated. ``fixes_m``
     are the places of ``fixes``, and ``origin`` is where the map's zero is; without fixes nobody knows that.
     """
 

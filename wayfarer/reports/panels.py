@@ -55,7 +55,7 @@ class Quantity(NamedTuple):
 class Panel(NamedTuple):
     """What one panel shows, its unit and the decimals of its values.
 
-    ``limits`` are values that shall not be reached. With a ``centre`` the lines are compass headings, drawn from -180
+    ``limits`` are values that must not be reached. With a ``centre`` the lines are compass headings, drawn from -180
     to 180 degrees about it.
     """
 
@@ -81,7 +81,7 @@ def _commanded(data: RunData) -> Line | None:
 
 
 def _applied(name: str) -> Callable[[RunData], Line | None]:
-    """Return the duty of a rover that drove at all: where a tick does not have it, it is taken to be none."""
+    """Return the duty of a rover that drove at all: if a tick does not have it, it is taken to be none."""
 
     def line(data: RunData) -> Line | None:
         drove = data.ticks["left"].any() or data.ticks["right"].any()

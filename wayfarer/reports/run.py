@@ -37,7 +37,7 @@ LAST_GOALS = 5  # as many are told
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
-BANDS = "Colours behind the lines: what the rover did; none: it stood."
+BANDS = "Colours behind the lines: what the rover did; none: it was stopped."
 PANELS = (
     "Drag over a panel to zoom, or use Ctrl and the wheel. Lines keep every extreme, and have gaps where data "
     "are missing."
@@ -243,7 +243,9 @@ def conditions_table(data: RunData) -> Markup:
     ]
     if not rows:
         return html.paragraph("While it was armed, nothing was wrong with the rover itself.")
-    caption = "What was wrong with the rover itself while it was armed, for how long in all, and what it did about it."
+    caption = (
+        "What was wrong with the rover itself while it was armed, for how long in total, and what it did about it."
+    )
     return html.table(caption, ("condition", "for", "response"), rows)
 
 
@@ -264,8 +266,8 @@ def sensors_table(data: RunData) -> Markup:
         return html.paragraph("The log has no sensor readings.")
     rows = [("", (sensor, *_health(data, sensor, health))) for sensor, health in data.sensors.items()]
     caption = (
-        "Sensors, as the control loop saw them: it looks at each once a tick. Unsure: readings of motion whose quality "
-        "is too low to be used."
+        "Sensors, as the control loop saw them: it looks at each once per tick. Unsure: readings of motion whose "
+        "quality is too low to be used."
     )
     head = ("sensor", "readings", "rate, Hz", "set, Hz", "longest gap, s", "unsure", "failures")
     return html.table(caption, head, rows)

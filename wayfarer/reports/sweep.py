@@ -135,7 +135,7 @@ def maps_figures(grid: Grid, algorithm: str) -> Iterator[Figure]:
 
 
 def _cells(made: Figure, grid: Grid, algorithm: str, measure: Measure) -> None:
-    """Draw a cell for each point, with its number where there is room."""
+    """Draw a cell for each point, with its number if there is room."""
     up, right = grid.axes
     mapper = _colours(grid, measure)
     estimates = [grid.estimates[measure.name][point, algorithm] for point in range(len(grid.points))]

@@ -4,7 +4,8 @@ These are not anomalies. An anomaly (``escape.api.Anomaly``) says that the fores
 responds with a manoeuvre. A condition says that the rover itself is not well, and the safety gate responds.
 
 What is dangerous stops the wheels: wheels that turn unasked, that cannot be stopped, that nobody expects to turn.
-Ignorance is no danger. A rover that has lost a sense in a wood is lost if it stands, so it goes on with limits.
+A missing reading does not stop the wheels: a rover that stops in a wood for lack of a sensor is lost. So it goes on
+with limits.
 
 ``wayfarer.vocabulary`` has the words for each condition.
 """

@@ -1,4 +1,4 @@
-"""The safety gate, the last stage before the wheels, and its warning. Pure: the controller asks both once a tick.
+"""The safety gate, the last stage before the wheels, and its warning. Pure: the controller asks both once per tick.
 
 For every decision, the wheels get zero unless the rover is armed and no condition demands a hold; a fault stays until
 the rover is re-armed. A command that passes is limited in duty and in the growth of duty. Stopping is never limited.
@@ -100,8 +100,8 @@ class Gate:
 
 # -- the warning before a rover that was held continues by itself ----------------------------------------------------
 # A person may have walked up to a rover that has stopped. A hold that the rover began by itself (a silent sensor, a
-# late tick) can end at any moment. So after a long one the wheels stand for a second more, while the status light
-# blinks as before the start. A hold that a person requested is ended by a person, who looks first, so it needs no
+# late tick) can end at any moment. So after a long one the wheels stay stopped for one more second, while the status
+# light blinks as before the start. A hold that a person requested is ended by a person, who looks first, so it needs no
 # warning. A hold for a motor board that failed is always followed by the warning, however short it was.
 
 LONG_HOLD_S: Final = 1.0  # nobody walks up to a rover that stops for less

@@ -16,7 +16,7 @@ from wayfarer.safety.permission import AHEAD_S
 from wayfarer.safety.settings import ManualSettings
 
 # A client that is silent for this long has gone: another one may drive. LeKiwi's host stops its base after 0.5 s; here
-# the wheels stand long before, so that a person can let a key go and think.
+# the wheels stop long before, so that a person can let a key go and think.
 LEASE_S: Final = 2.0
 
 

@@ -1,7 +1,7 @@
 """Settings of the safety package: sections ``safety``, ``manual``, ``board`` and ``progress`` of a rover file.
 
 They stand apart from the logic that reads them, because the logic is compiled and pydantic needs plain Python classes.
-What a field means stands below it; ``python -m docs.generate`` makes the schema of rover files from that.
+What a field means is written below it; ``python -m docs.generate`` makes the schema of rover files from that.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Builds a simulated rover over one world, at device depth or at bus depth.
 
 *Device depth*: simulated parts implement the driver protocols directly; fast. *Bus depth*: the real drivers, over fake
-buses that hold register-accurate chips. Both feel the same senses, in the same quanta, and so decide the same.
+buses that hold register-accurate chips. Both feel the same sensors, in the same quanta, and so decide the same.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def device_depth(world: SimulatedWorld, streams: RandomStreams, config: RoverCon
 
 
 def _quanta(part: str, config: RoverConfig) -> Mapping[str, Any]:
-    """Return the quanta of a part's chip, none where the file has no such part or its driver no chip."""
+    """Return the quanta of a part's chip, none if the file has no such part or its driver no chip."""
     if part not in config.parts:
         return {}
     chip, settings = chip_of(part, config.parts[part])

@@ -31,7 +31,7 @@ from wayfarer.simhal.random_streams import RandomStreams
 from wayfarer.simhal.sensor_models import FlowSensorModel, GroundCamera, HeadingSensorModel
 from wayfarer.simhal.world.simulated_world import SimulatedWorld
 
-GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, where the rover file gives none
+GROUND_M_PER_PIXEL = 0.0015  # of the simulated camera, if the rover file gives none
 
 
 class MountedCompass(HeadingSensorModel):

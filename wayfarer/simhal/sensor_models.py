@@ -1,6 +1,6 @@
 """Sensor models: what each simulated sensor measures of the world, in chip units, for both depths.
 
-A sense is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order. In
+A sensor is sampled once for each reading that a driver takes, so both depths draw the same chance in the same order. In
 the field a compass also has errors of iron, the motors' field, a gyro with a dead band, vibration and lag, and a flow
 sensor those of a false height above the ground and of ground on which it sees nothing (``physics.Senses``).
 """
@@ -216,7 +216,7 @@ class FlowSensorModel:
 
 # -- a camera that looks straight down ---------------------------------------------------------------------------------
 # Its picture is a texture with detail of all sizes, as leaves, twigs and earth have, that repeats after ``TILE_PX``
-# pixels: 0.8 m where a pixel shows 1.5 mm. Chosen by us, to be plain: grey of a shaded forest floor, and the noise of a
+# pixels: 0.8 m if a pixel shows 1.5 mm. Chosen by us, to be plain: grey of a shaded forest floor, and the noise of a
 # small sensor.
 
 TILE_PX: Final = 512  # a power of two, so that wrapping is a mask
@@ -229,7 +229,7 @@ class GroundCamera:
     """A camera above the middle of the rover, the picture's top ahead.
 
     ``render`` is what ``buses.FakeBuses.cameras`` wants. ``m_per_pixel`` is the ground that one pixel shows, in
-    metres, and also the finest detail of the ground: finer detail would be nothing but noise. Where ``Senses`` have
+    metres, and also the finest detail of the ground: finer detail would be nothing but noise. If ``Senses`` have
     blind ground, the picture is black.
     """
 

@@ -126,7 +126,7 @@ async def _requires_what_a_rover_can_have(algorithm: Algorithm) -> None:
 
 @_of(
     "wayfarer.escape.api.EscapeHandler.decide",
-    "Return the decision for this tick. Called once a tick with strictly increasing ``t_s``; never raises.",
+    "Return the decision for this tick. Called once per tick with strictly increasing ``t_s``; never raises.",
     ALGORITHM,
 )
 async def _decides_at_each_tick(algorithm: Algorithm) -> None:
@@ -256,4 +256,4 @@ async def _memory_has_counter_and_episodes(algorithm: Algorithm) -> None:
                     raise AssertionError(f"memory() has {key} = {value!r}, which is no finite number: {memory}")
             for key, value in memory.items():
                 if not isinstance(value, float | int | str):
-                    raise AssertionError(f"memory() has {key} = {value!r}, which is no number and no text")
+                    raise AssertionError(f"memory() has {key} = {value!r}, which is neither a number nor a text")

@@ -111,7 +111,7 @@ class Answer(NamedTuple):
 
 
 class _Response:
-    """What the rover said and did from the beginning of the fault on, held against what is expected of it."""
+    """What the rover said and did from the beginning of the fault on, compared with what is expected of it."""
 
     def __init__(self, expect: Expectation, run_result: RunResult, begun_s: float) -> None:
         self._expect, self._run_result, self._begun_s = expect, run_result, begun_s
@@ -165,7 +165,9 @@ class _Response:
     def _worst(self, wanted: list[Answer]) -> Answer:
         """Return the severest of the answers that count, the first of several."""
         worst = max(wanted, key=lambda answer: (answer.level, -answer.t_s), default=Answer(ResponseLevel.NONE, "", inf))
-        if worst.level is ResponseLevel.NONE and self._escape is not None:  # an answer to what is no fault of the rover
+        if (
+            worst.level is ResponseLevel.NONE and self._escape is not None
+        ):  # an answer to what is not a fault of the rover
             return Answer(ResponseLevel.NONE, self._escape.why, self._escape.t_s)
         return worst
 
@@ -181,7 +183,7 @@ class _Response:
         return next((t_s - self._begun_s for t_s, still in stood if still and t_s >= holds_s - ROUNDING_S), None)
 
     def _tripped_s(self) -> float | None:
-        """Return when the wheels stood although no stop could get through to them: the board's own deadman did it."""
+        """Return when the wheels were stopped although no stop could reach them: the board's own deadman did it."""
         cuts = [(from_s, from_s + _cuts_for_s(fault)) for from_s, fault, begins in self._recorder.faults if begins]
         times_s = (t_s for t_s, still in self._stood if still)
         return next((t_s for t_s in times_s if any(from_s < t_s <= to_s for from_s, to_s in cuts)), None)

@@ -194,7 +194,7 @@ async def _reading_is_finite(make: Make) -> None:
                 raise AssertionError(f"{name} is {value}")
 
 
-# Name, kind, where the sentence stands, the sentence; values of a reading, their unit, and their range.
+# Name, kind, where the sentence is, the sentence; values of a reading, their unit, and their range.
 _RANGES: tuple[tuple[str, str, str, str, tuple[str, ...], str, float, float], ...] = (
     ("heading_is_in_range", "compass", "hal", "headings are degrees clockwise from magnetic north in [0, 360).",
         ("heading_deg",), " degrees", 0.0, BELOW_360),

@@ -43,7 +43,7 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """A sentence of an interface, where it stands, and what tries it: on a part, or on one ``without_hardware``."""
+    """A sentence of an interface, where it is, and what tries it: on a part, or on one ``without_hardware``."""
 
     name: str
     where: str

@@ -9,7 +9,7 @@
 4. No decision sees a value that cannot be, or one that no valid reading of late gave.
 5. Every stop that the algorithm did not ask for has a reason in the log.
 
-The bound is one control period where commands reach the motor board. If a fault is on their way it is the board's
+The bound is one control period if commands reach the motor board. If a fault is on their way it is the board's
 own deadman and two control periods: what a stop takes that no wire carries.
 
 One thing is excused, because nothing on board can help it: the way to the board is broken, and its deadman is off (it

@@ -2,7 +2,7 @@
 
 Its rover is a rover file with the scenario's settings laid over it. A file holds one or many ``[[scenario]]``, each
 with its ``[[scenario.fault]]``; ``docs/reference/faults.md`` has one. What is wrong with a file is told in one line:
-file, scenario, key, what is allowed, and on which line it stands.
+file, scenario, key, what is allowed, and on which line it is.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def _scenario_tables(file: _FileLocation, text: str) -> list[dict[str, Any]]:
         raise file.error(f"not valid TOML: {error}") from None
     if others := [key for key in whole if key != "scenario"]:
         near = "; did you mean 'scenario'?" if get_close_matches("scenario", others, n=1) else ""
-        raise file.error(f"unknown key '{others[0]}'{near or '; all of a file stands in [[scenario]] tables'}")
+        raise file.error(f"unknown key '{others[0]}'{near or '; a file has [[scenario]] tables only'}")
     tables = whole.get("scenario", [])
     if not (isinstance(tables, list) and all(isinstance(table, dict) for table in tables)):
         raise file.error("key 'scenario': write [[scenario]], in double brackets")

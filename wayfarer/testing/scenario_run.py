@@ -75,7 +75,7 @@ class RunRecorder(RunLog):
         after_each_step(setup.world, self._look)
 
     def _look(self) -> None:
-        if self.ended is None:  # wheels that stand after the end of a run say nothing of the fault
+        if self.ended is None:  # wheels that are stopped after the end of a run say nothing of the fault
             self.stood_still_s.append((self._world.t_s, self._world.commanded == (0.0, 0.0)))
 
     def tick(self, record: TickRecord) -> None:
@@ -117,7 +117,7 @@ class RunRecorder(RunLog):
 
 
 class RunResult(NamedTuple):
-    """What came of a run: what was seen, how it ended (an error's text where one ended it), what rules it broke.
+    """What came of a run: what was seen, how it ended (an error's text if one ended it), what rules it broke.
 
     ``excused`` is how often a rule could not be kept by anything on board; see ``SafetyRules``.
     """

@@ -120,7 +120,7 @@ def test_trial_counts_time_from_its_start_and_the_true_way(model: PageModel) -> 
     log.note(Truth, 130.0, {"x_m": 25.0, "y_m": 13.0, "driven_m": 9.876})
     state = model.state()
     assert (state["time_text"], state["time_of"], state["way_m"], state["way_of"]) == (
-        "0:00:30", "in all", 9.876, "driven",
+        "0:00:30", "total", 9.876, "driven",
     )  # fmt: skip
 
 

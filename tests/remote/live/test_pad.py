@@ -77,7 +77,7 @@ class Driver:
         poll(lambda: how(*self.wheels()), 3.0)
 
     def stand(self) -> float:
-        """Wait until the wheels stand, and return how long that took, in seconds."""
+        """Wait until the wheels are stopped, and return how long that took, in seconds."""
         began_s = time.monotonic()
         poll(lambda: not any(self.wheels()), 3.0)
         return time.monotonic() - began_s
@@ -89,7 +89,7 @@ def driver(browser_page: OpenPage, daemon: Daemon) -> Driver:
 
 
 def ended(driver: Driver) -> None:
-    """Wait until nobody drives, and require that the wheels stand and the page says so."""
+    """Wait until nobody drives, and require that the wheels are stopped and the page says so."""
     driver.page.locator("#drive", has_text="Drive by hand").wait_for()
     driver.page.locator("#mode", has_text="Disarmed").wait_for()
     assert driver.page.locator("#pad").is_hidden()
@@ -131,7 +131,7 @@ def test_finger_that_stays_drives_no_more_after_what_may_hide_its_release(driver
         happens(driver)
         assert driver.stand() < DEADMAN_S + TICK_S + SLACK_S, name
         time.sleep(0.3)
-        if name != "busy page":  # where the finger is still known
+        if name != "busy page":  # if the finger is still known
             assert not any(driver.wheels()), name
         driver.lift()
 
@@ -204,7 +204,7 @@ def test_bad_network_drives_in_pieces_and_a_lifted_finger_stops_in_time(
 ) -> None:
     driver = Driver(browser_page(PHONE, touch=True), daemon, relay.port)
     driver.begin()
-    relay.set(jitter_s=0.15, loss=0.1)  # 0.3 s there and back
+    relay.set(jitter_s=0.15, loss=0.1)  # 0.3 s round trip
     driver.drag(0.0, 0.3)
     driver.turn()
     turning = []
@@ -223,7 +223,7 @@ def test_slow_network_says_why_it_does_not_drive(browser_page: OpenPage, daemon:
     driver = Driver(browser_page(PHONE, touch=True), daemon, relay.port)
     driver.begin()
     relay.set(delay_s=DEADMAN_S + 0.1)
-    driver.page.locator("#link.bad", has_text="The wheels stand: the connection is too slow").wait_for()
+    driver.page.locator("#link.bad", has_text="The wheels are stopped: the connection is too slow").wait_for()
     driver.drag(0.0, 0.3)
     driver.page.locator("#reply", has_text="Driving has ended").wait_for()
     ended(driver)

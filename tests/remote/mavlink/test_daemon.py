@@ -95,7 +95,7 @@ def running(folder: Path, udp: socket.socket) -> Iterator[subprocess.Popen[str]]
 
 
 def lateness_s(records: list[dict[str, Any]], since_s: float, until_s: float) -> list[float]:
-    """How much later than 20 times a second the ticks came, between two wall times."""
+    """How much later than 20 times per second the ticks came, between two wall times."""
     ticks = [each["t_s"] for each in records if each["record"] == "tick" and since_s < each["t_wall"] < until_s]
     return [after - before - 0.05 for before, after in pairwise(ticks)]
 

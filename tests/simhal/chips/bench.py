@@ -1,4 +1,4 @@
-"""What chips are tested with: a clock to turn by hand, senses that feel what a test says, a world for motor boards."""
+"""What chips are tested with: a clock to turn by hand, sensors that feel what a test says, a world for motor boards."""
 
 from __future__ import annotations
 

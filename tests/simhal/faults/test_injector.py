@@ -41,7 +41,7 @@ BEGINS_S, LASTS_S, ENDS_S = 3.0, 2.0, 5.5
 RECEIVER: dict[str, Any] = {"parts": {"position": {"driver": "gpsd"}}, "safety": {"start_delay_s": 0.0}}
 SERIAL_ROVER = "forestrover, with parts that answer on a serial line"
 ON_SERIAL_LINES = {"compass": {"driver": "bno055", "port": "/dev/ttyAMA1"}, "motors": {"driver": "roboclaw"}}
-# Parameters with which a kind does something within two seconds of driving ahead, where its defaults do not.
+# Parameters with which a kind does something within two seconds of driving ahead, if its defaults do not.
 PARAMS: dict[tuple[str, str], Any] = {
     ("slope", "world"): Slope(pitch_deg=10.0),
     ("drive", "world"): Drive(left_gain=0.5),

@@ -66,6 +66,6 @@ def least_turning_duty(friction: float) -> float:
 
     Each wheel carries a quarter of the weight and slides along a circle around its own foot point: friction opposes
     that, and the share of it that the motor must overcome is a over the wheel's distance from the middle. This is the
-    moment of friction of Mandow (2007) and Pentzer (2014) for wheels that stand on points.
+    moment of friction of Mandow (2007) and Pentzer (2014) for wheels that touch the ground in points.
     """
     return (friction * WEIGHT_N * A_M / hypot(A_M, B_M) + RESISTANCE_N) / STALL_N

@@ -153,7 +153,7 @@ def test_body_tips_where_its_weight_passes_the_wheels(slope: str, half_base_m: f
     for angle_deg in np.arange(expected_deg - 8.0, expected_deg + 8.0, 0.2):
         setattr(world, slope, float(angle_deg))
         world.advance_to(world.t_s + 0.2)
-        if abs(world.pitch_deg) + abs(world.roll_deg) > 8.0:  # beyond the slope itself, which the senses add
+        if abs(world.pitch_deg) + abs(world.roll_deg) > 8.0:  # beyond the slope itself, which the sensors add
             break
     assert angle_deg == pytest.approx(expected_deg, abs=1.5)
 

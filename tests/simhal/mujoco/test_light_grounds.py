@@ -34,7 +34,7 @@ def in_light_world(step: DutyStep) -> DutyStep:
 
 
 def full_duty(step: DutyStep) -> tuple[float, float]:
-    """Speed, and turn rate in degrees a second, of full duty on ideal ground."""
+    """Speed, and turn rate in degrees per second, of full duty on ideal ground."""
     vehicle = CONFIGS[step.rover].vehicle
     return vehicle.max_speed_m_s, 2.0 * vehicle.max_speed_m_s / vehicle.track_m / radians(1.0)
 

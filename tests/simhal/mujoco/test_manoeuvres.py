@@ -22,7 +22,7 @@ DONE = "turn_away.done"
 def test_turn_is_as_far_as_was_asked(rover: str, friction: float, torque_scale: float) -> None:
     done = manoeuvres(rover, friction, torque_scale)
     assert DONE in done.ends
-    # The first turn on unknown ground may be short. ``sim`` turns at 180 degrees a second, while its wheels spin.
+    # The first turn on unknown ground may be short. ``sim`` turns at 180 degrees per second, while its wheels spin.
     assert mean(done.turned_deg[1:]) == pytest.approx(30.0, abs=4.5 if rover == "sim" else 3.0)
 
 

@@ -230,7 +230,7 @@ async def test_every_fault_of_the_world_begins_and_ends(kind: str) -> None:
 def test_slip_fault_makes_driving_wheels_spin_until_they_are_out_of_it() -> None:
     standing = rover_on(0.8)
     with Slip().effect(standing, Random(0)):
-        assert not standing.slipping, "wheels that stand still do not slip, mud or not"
+        assert not standing.slipping, "wheels that are stopped do not slip, mud or not"
     ways_m = {}
     for slips in (False, True):
         world = rover_on(0.8)
@@ -247,7 +247,7 @@ def test_slip_fault_makes_driving_wheels_spin_until_they_are_out_of_it() -> None
 
 
 def test_flow_sensor_is_at_the_middle_of_the_body() -> None:
-    """Where the body turns on the spot, the ground goes round below it and does not pass."""
+    """If the body turns on the spot, the ground goes round below it and does not pass."""
     world = rover_on(0.3)
     drive(world, *TURN, 2.0)
     assert degrees(world.heading_rad) % 360.0 > 90.0

@@ -1,4 +1,4 @@
-"""Ground that slopes as a whole, in both physics: what the senses feel, how the body drives, what commands keep."""
+"""Ground that slopes as a whole, in both physics: what the sensors feel, how the body drives, what commands keep."""
 
 from __future__ import annotations
 

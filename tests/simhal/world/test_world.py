@@ -86,7 +86,7 @@ def with_room_to_start(forest: Forest, reach_m: float) -> Forest:
 
 
 def deepest_overlap_m(world: World, forest: Forest, vehicle: Vehicle) -> float:
-    """Return how deep the deepest sampled point of the body is inside an obstacle, negative where none is."""
+    """Return how deep the deepest sampled point of the body is inside an obstacle, negative if none is."""
     points = body_points(vehicle.length_m, vehicle.width_m, *pose(world))
     return max((-gap_m(points, obstacle) for obstacle in obstacles_of(forest)), default=-np.inf)
 
@@ -393,7 +393,7 @@ def test_world_goes_on_beyond_its_edges() -> None:
 def test_light_world_and_its_senses_are_what_they_were() -> None:
     """Version 0.1's figures: published tables and recorded campaigns rest on them.
 
-    Machines differ in the last bit of a sine; the senses' quanta are the same on all of them.
+    Machines differ in the last bit of a sine; the sensors' quanta are the same on all of them.
     """
     forest = forest_of(trunks=((22.0, 15.0, 28.0, 16.0),), trees=((26.0, 13.5),))
     streams = RandomStreams(7)

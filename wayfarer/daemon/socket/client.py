@@ -57,7 +57,7 @@ def ask(request: Mapping[str, object], path: Path | None = None, timeout_s: floa
 
 
 def _line_of(request: Mapping[str, object]) -> bytes:
-    """Return a request as it is sent, with the time of now where it starts wheels and does not say when it was asked.
+    """Return a request as it is sent, with the time of now if it starts wheels and does not say when it was asked.
 
     Raises:
         BadInput: it is wrong.

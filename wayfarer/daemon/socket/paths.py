@@ -89,7 +89,7 @@ def no_session() -> str:
     with suppress(OSError):
         about = Path(named).stat()
     if about is None or not named.startswith("/") or not S_ISDIR(about.st_mode):
-        why = "which is no folder, or not from / on"
+        why = "which is not a folder, or not from / on"
     elif about.st_mode & OTHERS_WRITE:
         why = f"to which others may write (mode {S_IMODE(about.st_mode):04o})"
     elif about.st_uid not in {0, os.geteuid()}:

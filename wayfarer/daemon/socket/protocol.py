@@ -6,8 +6,8 @@
     {"do": "hold"}                                             ->  {"ok": false, "why": "what is wrong, what to do"}
 
 What starts wheels (``STARTING``) says when the person asked, as ``asked_s``, in seconds of the rover's
-``CLOCK_BOOTTIME`` (Python: ``time.clock_gettime(time.CLOCK_BOOTTIME)``). It is refused where that is too long ago, and
-where the client closes its side before it has the answer (``safety.permission.Asked``). What stops them needs no time.
+``CLOCK_BOOTTIME`` (Python: ``time.clock_gettime(time.CLOCK_BOOTTIME)``). It is refused if that is too long ago, and
+if the client closes its side before it has the answer (``safety.permission.Asked``). What stops them needs no time.
 
 A key that is ``null`` counts as left out. Requests are checked by the client, for a quick answer, and again by the
 server, because any program can write to the socket. Pure: no clock, no loop, no files.
@@ -105,7 +105,7 @@ class Commands(Protocol):
         """Write a person's note into the log; ``keep``: no daemon deletes this run any more."""
 
     async def link_lost(self, text: str) -> Details:
-        """Write into the log that a viewer has lost its person. No client can ask for it, and it is nobody's mark."""
+        """Write into the log that a viewer has lost its connection. No client can ask for it; it is not a mark."""
 
     async def stop(self) -> Details:
         """End the run."""

@@ -42,7 +42,7 @@ class DemoControls(Protocol):
 
 
 def checked_speed(value: object) -> float:
-    """Return a speed, in times real time; raise ``BadInput`` if it is no number, too small or too large."""
+    """Return a speed, in times real time; raise ``BadInput`` if it is not a number, too small or too large."""
     if isinstance(value, int | float) and not isinstance(value, bool) and LEAST_SPEED <= value <= MOST_SPEED:
         return float(value)
     raise BadInput(f"a speed is a number from {LEAST_SPEED:g} to {MOST_SPEED:g}, in times real time")

@@ -2,7 +2,7 @@
 
 Three things come out of ``PageModel``. The *snapshot* is everything that a page shows. *News* must not be missed: a
 piece of the path, an anomaly, a line about the run, the end. The *state* is how things are now; a slow viewer gets only
-the newest. Metres are east and north: of the start where the rover only knows what it dead-reckons, of the forest where
+the newest. Metres are east and north: of the start if the rover only knows what it dead-reckons, of the forest if
 the run is simulated and so the truth is known.
 
 A slow viewer delays neither another one nor the rover. No viewer has a queue. All share one short list of news and the
@@ -132,7 +132,7 @@ class PageModel:
         in_trial, knows_way = run.header.trial is not None, run.driven_m is not None
         return {
             "time_text": duration_text(run.elapsed_s if in_trial else run.mission_s),
-            "time_of": "in all" if in_trial else "mission",
+            "time_of": "total" if in_trial else "mission",
             "way_m": run.driven_m if knows_way else round(run.mission_m, 2),
             "way_of": "driven" if knows_way else "commanded",
         }

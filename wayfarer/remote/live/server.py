@@ -1,6 +1,6 @@
 """Web server of the live page, on the daemon's loop: the page at ``/`` and a WebSocket at ``/ws``.
 
-It costs the control tick little, whatever its clients do: states go out ten times a second at most, each is encoded
+It costs the control tick little, whatever its clients do: states go out ten times per second at most, each is encoded
 once for all, and all that clients can use up is bounded (``model.ViewerLimits``).
 """
 

@@ -2,9 +2,9 @@
 
 Requests are handled as those of the control socket. A page cannot arm: wheels must not start from a web page. Only one
 with the token can resume or drive by hand (``ManualLease``), because every user of the rover's computer can open the
-page (``access``). Nor can an old page: the request may have waited in a network, or for a blocked daemon, until the
-viewer has gone. So its ``asked_s`` is the newest time that the page had from the daemon (``now_s`` of a state). A demo,
-where no wheels turn, asks for neither. Only its page can pause or change the speed.
+page (``access``). An old page cannot either: the request may have waited in a network, or for a blocked daemon, until
+the viewer has gone. So its ``asked_s`` is the newest time that the page had from the daemon (``now_s`` of a state). A
+demo, where no wheels turn, asks for neither. Only its page can pause or change the speed.
 
 A page that drives is never told its lease. It is kept here, with the connection: no other page can use it, and it ends
 when the connection ends. A sample of the pad says when it was taken, on the daemon's clock as the page knows it from
@@ -183,7 +183,7 @@ class ClientSession:
             await self._answer(fields)
 
     async def _let_go(self) -> None:
-        """Drive no more, also where driving has not quite begun."""
+        """Drive no more, also if driving has not quite begun."""
         if self._beginning is not None:
             self._beginning.cancel()
             await asyncio.wait([self._beginning])
@@ -253,7 +253,7 @@ class ClientSession:
                 f"{what} needs the token: open the page at the address that wayfarer status shows{other_way}"
             )
         now_s = asyncio.get_running_loop().time()
-        # What is no time is not new, and a state from the future is of another run.
+        # What is not a time is not new, and a state from the future is of another run.
         if not (isinstance(asked_s, int | float) and abs(now_s - asked_s) <= self._old_s):
             raise RequestRefused(
                 "the page showed an old state: look at the new one, and press again if it is still right"

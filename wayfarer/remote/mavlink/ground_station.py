@@ -96,7 +96,7 @@ class Budget:
 
 
 class Stream:
-    """Messages that are sent ``rate_hz`` times a second, made of the newest state; ``always``: whatever is left."""
+    """Messages that are sent ``rate_hz`` times per second, made of the newest state; ``always``: whatever is left."""
 
     def __init__(self, make: Callable[[], Messages], rate_hz: float, *, always: bool = False) -> None:
         self.make = make

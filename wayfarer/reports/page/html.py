@@ -130,7 +130,7 @@ def write_page(
     """Write a page, whole or not at all, and return its path.
 
     Args:
-        usual: the file, where wayfarer chooses it. A symlink there is replaced: the folder may be another user's.
+        usual: the file, if wayfarer chooses it. A symlink there is replaced: the folder may be another user's.
         title: plain text.
         body: Markup of the macros, asked for before the plots; other text is escaped.
         plots: what Bokeh draws in it.

@@ -40,7 +40,7 @@ _FIELD_LEVEL, _FIELD_DOWN = 20.0 * 16, 45.0 * 16  # microtesla, as in central Eu
 
 
 class BNO055Chip:
-    """Implements ``buses.I2CChip`` and ``buses.SerialChip``; the sense is sampled once for each read of the fusion.
+    """Implements ``buses.I2CChip`` and ``buses.SerialChip``; the sensor is sampled once for each read of the fusion.
 
     Args:
         sense: what it feels: heading, pitch with y up, and roll with x down, once its axes are set as it is mounted.

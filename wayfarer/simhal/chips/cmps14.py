@@ -44,7 +44,7 @@ _FIELD_DOWN: Final = 450
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class CMPS14Chip:
-    """Implements ``buses.I2CChip``; the sense is sampled once for each read of anything that is measured.
+    """Implements ``buses.I2CChip``; the sensor is sampled once for each read of anything that is measured.
 
     Args:
         sense: what it feels.

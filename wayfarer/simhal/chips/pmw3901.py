@@ -1,9 +1,9 @@
 """Simulated PMW3901 on SPI: banks, start-up, motion burst (docs/reference/hardware.md).
 
 It counts from the end of its start-up on: once registers 02..06 have been read after a reset and the table's last block
-has been written. Until then its counts are 0, its observation byte is not BF, and the sense is left alone; from then on
-every burst, and every read of register 02, samples the sense once. The sense knows no reset: what moved while the chip
-restarted is in the next count.
+has been written. Until then its counts are 0, its observation byte is not BF, and the sensor is left alone; after that
+every burst, and every read of register 02, samples the sensor once. The sensor knows no reset: what moved while the
+chip restarted is in the next count.
 
 What the chip does not know fails: frame grab, shutdown, and any register that no published start-up table names.
 """
@@ -91,7 +91,7 @@ class PMW3901Chip:
 
     Attributes:
         writes: the latest writes as (register, value), in order.
-        squal: what the picture is worth, where the sense does not say less. Below 19 hex nothing is seen to move; 76 is
+        squal: what the picture is worth, unless the sensor reports less. Below 19 hex nothing is seen to move; 76 is
             an indoor floor.
         shutter: exposure in 0..8191; 1F00 hex and more is the longest, in the dark.
     """

@@ -1,7 +1,7 @@
 """Simulated RoboClaw on a serial line, which drives the simulated world's wheels.
 
 Packets, CRC and commands are those of the RoboClaw Series User Manual, pages 58 to 74, as far as the rover's driver
-uses them. Where sources disagree the chip takes the harder case: requests feed the timeout, and a board that lost its
+uses them. If sources disagree the chip takes the harder case: requests feed the timeout, and a board that lost its
 power has none.
 """
 

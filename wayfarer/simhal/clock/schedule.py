@@ -1,7 +1,7 @@
 """What is due when on ``VirtualLoop``: the virtual time, the ready callbacks and the timers. Compiled with the core.
 
 A task that ``Rate`` paces awaits a ``WakeUp``: a timer that is awaited like a future. At its time it does the work of
-the task without waking it, where that never waits (``control.rate.AtOnce``). So a control tick over simulated parts
+the task without waking it, if that never waits (``control.rate.AtOnce``). So a control tick over simulated parts
 has no step of a task.
 """
 
@@ -153,7 +153,7 @@ class Schedule(Clock):
         self._fails = fails
         self._now_s = 0.0
         self._ready: list[Scheduled] = []
-        self._timers: list[Scheduled] = []  # by time, and where that is equal by creation
+        self._timers: list[Scheduled] = []  # by time, and if that is equal by creation
         self._stopping = False
 
     def time(self) -> float:
@@ -169,7 +169,7 @@ class Schedule(Clock):
         self._ready.append(what)
 
     def at(self, when_s: float, what: Scheduled) -> None:
-        """Run it at a time; at once, but never earlier than now, where that is past."""
+        """Run it at a time; at once, but never earlier than now, if that is past."""
         what.when_s = when_s
         timers = self._timers
         place = len(timers)
@@ -216,7 +216,7 @@ class Schedule(Clock):
                         self._fails(what, error)
                     if self._stopping:
                         break
-            finally:  # also where ``fails`` raises
+            finally:  # also if ``fails`` raises
                 if begun < len(turn):
                     self._ready[:0] = turn[begun:]
         return True

@@ -13,7 +13,7 @@ Time moves only when nothing is ready: a task that polls with ``sleep(0)`` for s
 ever, as it would burn a core on the stock loop.
 
 Order: callbacks run in the order in which they became ready; timers in the order of their time, and of their creation
-where the times are equal.
+if the times are equal.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
 
     def __init__(self, make_schedule: Callable[[asyncio.AbstractEventLoop, Fails], Schedule] = Schedule) -> None:
         self.clock = schedule = make_schedule(self, self._report_error)
-        # Asked several times a tick: without a frame of ours in between.
+        # Asked several times per tick: without a frame of ours in between.
         self.time = schedule.time  # type: ignore[method-assign]
         self.stall = schedule.stall
         self.stop = schedule.stop  # type: ignore[method-assign]
@@ -89,7 +89,7 @@ class VirtualLoop(asyncio.AbstractEventLoop):
         *args: Unpack[Ts],
         context: Context | None = None,
     ) -> Handle:
-        """Run the callback at a time; at once, but never earlier than now, where that is past."""
+        """Run the callback at a time; at once, but never earlier than now, if that is past."""
         if isnan(when):
             raise ValueError("a timer needs a time, and this one is not a number")
         handle = Handle(callback, args, copy_context() if context is None else context)

@@ -45,7 +45,7 @@ class BusFault(FaultKind):
 
 @dataclass(frozen=True)
 class Nack(BusFault):
-    """Transfers are not acknowledged: the share ``chance`` of them, and no more than ``most`` in all."""
+    """Transfers are not acknowledged: the share ``chance`` of them, and no more than ``most`` in total."""
 
     fits = (*CHIPS, CAMERA)
     chance: Fraction = 1.0

@@ -18,7 +18,7 @@ class FaultKind(ABC):
     """A kind of fault: each concrete class is one; its fields are the parameters, each with a range and a default.
 
     Its docstring is its row in ``docs/reference/faults.md``. ``targets`` says to what it can happen: parts, the
-    ``world`` or the ``process``. ``typical`` are the parameters of ``--fault`` where the defaults change nothing.
+    ``world`` or the ``process``. ``typical`` are the parameters of ``--fault`` if the defaults change nothing.
     """
 
     targets: ClassVar[tuple[str, ...]]

@@ -115,7 +115,7 @@ class Injector:
             loop.call_later(fault.for_s, self.end_fault, number, fault)
 
     def end_fault(self, number: int, fault: Fault) -> None:
-        """End a fault that lasts; nothing happens where it has ended."""
+        """End a fault that lasts; nothing happens if it has ended."""
         stack = self._lasting.pop(number, None)
         if stack is not None:
             stack.close()

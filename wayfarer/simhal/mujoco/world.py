@@ -45,7 +45,7 @@ class MujocoWorld(SimulatedWorld):
     Args:
         forest: the geometry.
         body: the rover.
-        physics: the noise of its senses, how unequal its sides are, how often it meets mud, and when it has tipped.
+        physics: the noise of its sensors, how unequal its sides are, how often it meets mud, and when it has tipped.
         terrain: the ground, and how strong the motors are.
         streams: where its chance comes from.
         step_s: of the engine.
@@ -112,7 +112,7 @@ class MujocoWorld(SimulatedWorld):
     def pull_back(self, distance_m: float) -> None:
         """Put the body level on the ground, as far behind where it is as is free up to that distance.
 
-        Where it is in contact with an obstacle as it stands level, it is put to the nearest place where it is not.
+        If it is in contact with an obstacle as it stands level, it is put to the nearest place where it is not.
 
         Raises:
             NoRoom: there is no such place within some lengths of the body.
@@ -193,7 +193,7 @@ class MujocoWorld(SimulatedWorld):
             self._tilt_ground()
 
     def _tilt_ground(self) -> None:
-        """Let gravity pull as it does on ground that slopes so under the body; the senses add the angles."""
+        """Let gravity pull as it does on ground that slopes so under the body; the sensors add the angles."""
         self.model.opt.gravity[:] = gravity_m_s2(*self.ground_deg(), self.heading_rad)
         self._tilts = bool(self.ground_pitch_deg or self.ground_roll_deg)
 

@@ -133,7 +133,7 @@ def _check_trunk(key: str, trunk: Trunk, heading_deg: float) -> None:
 
 
 def _lean_error_deg(lean: Lean, offset_deg: float) -> float:
-    """Return how far a trunk would have to turn for its lean to be true; 0 or less where it is."""
+    """Return how far a trunk would have to turn for its lean to be true; 0 or less if it is."""
     if lean == "across":
         return ALONG_GOAL_DEG - abs(offset_deg)
     to_its_side_deg = offset_deg if lean == "right" else -offset_deg

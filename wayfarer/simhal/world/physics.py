@@ -1,4 +1,4 @@
-"""Parameters of the simulated world and its senses, and of the ground in MuJoCo; depth, physics and grounds by name."""
+"""Parameters of the simulated world and its sensors, and of MuJoCo's ground; depth, physics and grounds by name."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ FIELD: Final[Mapping[str, float]] = MappingProxyType(
         "compass_lag_s": 0.5,  # proposed by us: no data sheet of a compass with fusion gives it
         "compass_freezes_below_deg_s": 3.0,  # a BNO055 without a magnetometer (BNO055_SensorAPI issue 12)
         "tilt_vibration_deg": 1.5,  # data sheet of the BNO080, page 48: the error of gravity in motion
-        # PX4 took 385 counts a radian for a PMW3901 and later 500, so up to 15 % either way until it is calibrated.
+        # PX4 took 385 counts per radian for a PMW3901 and later 500, so up to 15 % either way until it is calibrated.
         "flow_scale_sd": 0.15,
         "current_noise_share": 0.15,  # on rough ground; proposed by us
         # Copper has 20 % more resistance at 70 degrees than at 20, and a battery of 12.6 V when full has 10.5 V at the
@@ -103,7 +103,7 @@ FIELD: Final[Mapping[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Physics(Senses):
-    """The simulated world, and how senses err. MuJoCo has senses, slope, unequal sides, slips and tipping of it.
+    """The simulated world, and how sensors err. MuJoCo has sensors, slope, unequal sides, slips and tipping of it.
 
     Noise and slips are those of the paper and its released simulator (section IV-A; units as measured from the released
     code). The rest is chosen by us, to be plain.
@@ -164,7 +164,7 @@ class PhysicsName(StrEnum):
 
 
 class GroundName(StrEnum):
-    """What the wheels stand on; on ``ideal`` the body goes and turns as commanded, as in the paper's simulator."""
+    """What is under the wheels; on ``ideal`` the body goes and turns as commanded, as in the paper's simulator."""
 
     ideal = "ideal"
     leaf_litter = "leaf-litter"

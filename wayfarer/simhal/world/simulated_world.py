@@ -81,7 +81,7 @@ class SimulatedWorld:
 
     Args:
         forest: the geometry.
-        physics: how it moves, and how its senses err.
+        physics: how it moves, and how its sensors err.
         starts_s: the time on the clock of its parts at which the world begins.
     """
 

@@ -196,7 +196,7 @@ class SkidSteering:
 def curve_factors(body: WheeledBody, friction: float) -> Factors:
     """Return by what speed and turn rate differ from the closed form, for duties of means and half differences 0 to 1.
 
-    It takes some 20 ms, once a process; where the closed form turns hardly or not at all both are 1.
+    It takes some 20 ms, once per process; if the closed form turns hardly or not at all both are 1.
     """
     slow, (a_m, b_m, _) = SlowCurves.of(body, friction), body.wheels
     means, halves = np.meshgrid(*[np.linspace(0.0, 1.0, CELLS + 1)] * 2, indexing="ij")

@@ -19,7 +19,7 @@ WHEEL_SHARE_OF_WEIGHT: Final = 0.03  # each; the rest is spread evenly over the 
 # ForestRover. A rotor of 5e-6 kg m2 behind a gear of 1 to 27 would be 0.9 kg there.
 ROTOR_SHARE_OF_WEIGHT: Final = 0.1
 ROLLING_RESISTANCE: Final = 0.05  # of the load: small tyres on firm soil; on leaf litter up to twice that
-# Where a file gives no ground clearance, as that of the abstract rover: ForestRover's 41 mm over its 65 mm.
+# If a file gives no ground clearance, as that of the abstract rover: ForestRover's 41 mm over its 65 mm.
 CLEARANCE_PER_RADIUS: Final = 0.041 / 0.065
 
 
@@ -147,7 +147,7 @@ class Climbing:
         return degrees(asin(lift_m / self._length_m))
 
     def rate_deg_s(self, duty: float) -> float:
-        """Return how fast pushing lifts the nose, or for a negative duty the tail, in degrees a second."""
+        """Return how fast pushing lifts the nose, or for a negative duty the tail, in degrees per second."""
         return duty * self._deg_s * self._grip
 
     def is_on(self, obstacle: Obstacle, pitch_deg: float) -> bool:

@@ -69,7 +69,7 @@ class Output(NamedTuple):
 
 
 class Guard:
-    """Takes messages when they come, and decides once a tick. Times are seconds on a clock that never goes back."""
+    """Takes messages when they come, and decides once per tick. Times are seconds on a clock that never goes back."""
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
@@ -135,7 +135,7 @@ class Guard:
             return STANDSTILL, State.IDLE, ""
         if self._rescue_s > self._settings.give_up_s:
             return STANDSTILL, State.GAVE_UP, ""
-        # The planner drives, or the escape handler where the planner is stuck or silent.
+        # The planner drives, or the escape handler if the planner is stuck or silent.
         heading_deg, anomalies, drove = self._detector.heading_deg, self._detector.anomalies, self._failsafe.drives
         assert heading_deg is not None  # else it is trouble
         self._note_goal(heading_deg, moves=moves and not anomalies)
@@ -152,7 +152,7 @@ class Guard:
         return speeds_from(decision.wheels, self.vehicle), State.RESCUE, text
 
     def _trouble(self) -> str:
-        """Say which sense is missing or wrong, or that the rover lies on its side; empty if nothing is."""
+        """Say which sensor is missing or wrong, or that the rover lies on its side; empty if nothing is."""
         if self._detector.heading_deg is None:
             return "no orientation from the IMU yet"
         if not self._odometry.heard:

@@ -12,7 +12,7 @@ const KEYS = {
 
 const hands = { finger: null, keys: new Set(), isFast: false, gamepads: new Set() }; // indices of the gamepads that were let go
 
-// What counts now; null where nothing is held.
+// What counts now; null if nothing is held.
 function handsNow() {
   return hands.finger?.sample ?? keysNow() ?? gamepadNow();
 }
@@ -40,7 +40,7 @@ function gamepadNow() {
   return null;
 }
 
-// A place of a stick without the dead zone around its middle; what is no number is the middle.
+// A place of a stick without the dead zone around its middle; what is not a number is the middle.
 function outside(value) {
   const beyond = (Math.abs(value) - DEADZONE) / (1 - DEADZONE);
   return beyond > 0 ? Math.sign(value) * Math.min(1, beyond) : 0;

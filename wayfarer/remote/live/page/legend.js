@@ -8,7 +8,7 @@ const FOREST = [
   ["ink", "M8 2 H16 V10 H8 Z", 'fill="none" stroke-width="1.5"', "start"],
 ];
 const MARK = ["anomaly", "M12 2 A4 4 0 1 1 11.99 2 Z", 'stroke="var(--mark-edge)" class="filled"', "something stopped it"];
-const ROVER = ["ink", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover, with its nose ahead"];
+const ROVER = ["ink", "M8 12 V5 L12 0 L16 5 V12 Z", 'stroke="none" class="filled"', "the rover; its tip is the front"];
 
 function writeLegend({ track, phases: strip, forest, state }) {
   const drawn = new Set([...track.slice(1).map((point) => point[2]), ...strip.map(([, phase]) => phase)]);

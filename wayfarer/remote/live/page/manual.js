@@ -66,7 +66,7 @@ function sampleHands() {
   const reason = whyToEnd();
   if (reason) return endManual(reason);
   if (manual.state !== "drives") return;
-  if (performance.now() - manual.acceptedAt > OLD_S * 1000) letGo(); // when it drives again, that must surprise nobody
+  if (performance.now() - manual.acceptedAt > OLD_S * 1000) letGo(); // it must not drive off again without a new press
   sendSample();
   writeLink();
 }
@@ -80,7 +80,7 @@ function whyToEnd() {
   return performance.now() - manual.acceptedAt > LEASE_S * 1000 ? `Driving has ended: ${whyStanding() || "the page was too slow"}.` : "";
 }
 
-// Why the wheels stand, as far as is known here; empty where they are driven.
+// Why the wheels are stopped, as far as is known here; empty if they are driven.
 function whyStanding() {
   const { answeredAt, delayMs, deadmanS, refused, why } = manual, silentS = (performance.now() - answeredAt) / 1000;
   if (silentS > deadmanS) return `no answer for ${ago(silentS)}`;
@@ -89,12 +89,12 @@ function whyStanding() {
 }
 
 function writeLink() {
-  const why = whyStanding(), delay = manual.delayMs === null ? "" : `, ${Math.round(manual.delayMs)} ms there and back`;
-  write("link", `${why ? `The wheels stand: ${why}` : "Driving"}${delay}`);
+  const why = whyStanding(), delay = manual.delayMs === null ? "" : `, ${Math.round(manual.delayMs)} ms round trip`;
+  write("link", `${why ? `The wheels are stopped: ${why}` : "Driving"}${delay}`);
   element("link").className = manual.refused ? "bad caption" : "caption";
 }
 
-// Shows the button where the rover may be driven by hand and this page may start wheels, and the pad while it drives.
+// Shows the button if the rover may be driven by hand and this page may start wheels, and the pad while it drives.
 function showManual() {
   const { about, state, outcome, mayStart } = model;
   const isAllowed = Boolean(about.manual && state && !state.demo && !outcome);

@@ -49,7 +49,7 @@ function fit(box, width, height) {
   return seenFrom([middleX, middleY], scale, width, height);
 }
 
-// With `middle` in the middle of the canvas, and `scale` pixels a metre.
+// With `middle` in the middle of the canvas, and `scale` pixels per metre.
 function seenFrom(middle, scale, width, height) {
   const [east0, north0] = middle;
   return { middle, scale, at: (east, north) => [width / 2 + (east - east0) * scale, height / 2 - (north - north0) * scale] };
@@ -127,7 +127,7 @@ function drawMarks(pen, view, marks) {
   }
 }
 
-// The outline of the body with its nose ahead; drawn larger than life where it would be too small to see.
+// The outline of the body, with a tip at its front; drawn larger than life if it would be too small to see.
 function drawRover(pen, view, [east, north, headingDeg], about) {
   const length = Math.max((about.length_m || 0.4) * view.scale, LEAST_ROVER_PX);
   const half = (length * ((about.width_m || 0.4) / (about.length_m || 0.4))) / 2;
