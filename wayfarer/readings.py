@@ -117,7 +117,7 @@ class ContactReading(NamedTuple):
 class WheelReading(Value):
     """What the wheels of both sides did until ``t_s``: the way of their rims, and the current of their motors.
 
-    ``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead positive; if
+    ``left_m`` and ``right_m`` are how far the rims of a side have turned since the previous read, ahead positive; where
     the body went meanwhile is another matter. ``left_a`` and ``right_a`` are the size of the current of a side's motors
     in amperes, 0 or more. Each is None if the part does not measure it, or does not know it now, as at the first read.
     """
