@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import math
 import os
 import sys
 import tempfile
@@ -23,7 +24,7 @@ from wayfarer.experiments.outcome import OUTCOMES
 from wayfarer.experiments.provenance import RUNS
 from wayfarer.experiments.recorded import SETTINGS
 from wayfarer.experiments.results import MOST_LINE_BYTES, TRIALS, Results
-from wayfarer.experiments.rows import COLUMNS, TrialRow, csv_line, parse_row, row_of
+from wayfarer.experiments.rows import COLUMNS, DECIMALS, TrialRow, csv_line, parse_row, row_of
 from wayfarer.experiments.sweep import Sweep
 from wayfarer.experiments.trial import TrialResult
 
@@ -31,22 +32,24 @@ PLAN = campaign_of(3, "pledge")
 ROWS = [TrialRow(n, "pledge", n // 2, n % 2, 77 + n, "escaped", 80.125, 1.5, 90.0, 3, 2) for n in range(3)]
 HEADER = csv_line(COLUMNS).encode()
 LINES = [csv_line(COLUMNS, row).encode() for row in ROWS]
-numbers = st.floats(0, 1e6)
-maybe = st.none() | numbers
 
 
-@st.composite
-def results(draw: st.DrawFn) -> TrialResult:
-    counts = [draw(st.integers(0, 10**6)) for _ in range(4)]
-    outcome: Any = draw(st.sampled_from(OUTCOMES))
-    return TrialResult(
-        counts[0], "pkg.rules:spiral", counts[1], counts[2], draw(st.integers(0, 2**63 - 1)), outcome,
-        draw(numbers), draw(numbers), draw(numbers), counts[3], 4, draw(maybe), draw(maybe), 5, 3, 1, 2,
-        {"sim.slope_deg": float(f"{draw(numbers):.6g}"), "sim.compass_bias_deg": -draw(st.integers(0, 100))},
-    )  # fmt: skip
+def values_of(column: str) -> st.SearchStrategy[Any]:
+    """What a trial may give for a column; those that need not be known may be None."""
+    known: st.SearchStrategy[Any] = st.floats(0, 1e6) if column in DECIMALS else st.integers(0, 10**6)
+    return st.none() | known if column in TrialRow._field_defaults else known
 
 
-@given(results())
+results = st.fixed_dictionaries({name: values_of(name) for name in COLUMNS} | {
+    "algorithm": st.just("pkg.rules:spiral"), "outcome": st.sampled_from(OUTCOMES), "seed": st.integers(0, 2**63 - 1),
+    "ticks": st.just(5), "drawn": st.fixed_dictionaries({
+        "sim.slope_deg": st.floats(0, 1e6).map(lambda drawn: float(f"{drawn:.6g}")),
+        "sim.compass_bias_deg": st.integers(-100, 0),
+    }),
+}).map(lambda values: TrialResult(**values))  # fmt: skip
+
+
+@given(results)
 def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
     row = row_of(result)
     columns = (*COLUMNS, *row.drawn)
@@ -55,19 +58,29 @@ def test_row_holds_what_its_line_holds(result: TrialResult) -> None:
     assert csv_line(columns, again) == csv_line(columns, row)
 
 
-def test_row_reads_as_the_issue_asks() -> None:
-    assert csv_line(COLUMNS) == (
-        "trial,algorithm,forest,noise,seed,outcome,path_m,reverse_m,time_s,anomalies,episodes,shortest_path_m,spl,"
-        "interventions,overturned,off_wheels\n"
-    )
-    result = TrialResult(7, "pledge", 3, 1, 99, "escaped", 81.3, 4.25, 95.05, 12, 5, 39.9, 0.49077, 1900)
-    assert csv_line(COLUMNS, row_of(result)) == "7,pledge,3,1,99,escaped,81.300,4.250,95.050,12,5,39.900,0.4908,,,\n"
-    assert csv_line(COLUMNS, TrialRow(7, "pledge", 3, 1, 99, "fault")) == "7,pledge,3,1,99,fault,,,,,,,,,,\n"
+def cells_of(**values: Any) -> dict[str, str]:
+    """The cells of the line of a trial which gave these values, and 0 for what it had to give; but for empty ones."""
+    needed = dict.fromkeys(set(TrialResult._fields) - set(TrialResult._field_defaults), 0)
+    row = row_of(TrialResult(**{**needed, **values}))
+    cells = csv_line(COLUMNS, row).rstrip("\n").split(",")
+    return {name: cell for name, cell in zip(COLUMNS, cells, strict=True) if cell}
+
+
+def test_cells_have_fixed_decimals_and_are_empty_for_what_is_not_known() -> None:
+    names = {"algorithm": "pledge", "outcome": "escaped"}
+    cells = cells_of(**names, trial=7, path_m=81.3, reverse_m=4.25, time_s=95.05, shortest_path_m=39.9, spl=0.49077)
+    assert cells == {
+        **names, "trial": "7", "forest": "0", "noise": "0", "seed": "0", "path_m": "81.300", "reverse_m": "4.250",
+        "time_s": "95.050", "anomalies": "0", "episodes": "0", "shortest_path_m": "39.900", "spl": "0.4908",
+    }  # fmt: skip
+    fault = csv_line(COLUMNS, TrialRow(7, "pledge", 3, 1, 99, "fault"))
+    assert fault.rstrip(",\n") == "7,pledge,3,1,99,fault"
 
 
 def test_row_never_holds_nan_or_a_negative_zero() -> None:
-    result = TrialResult(0, "pledge", 0, 0, 1, "tipped", float("nan"), -0.0, -1e-9, 0, 0, float("inf"), None, 0)
-    assert csv_line(COLUMNS, row_of(result)) == "0,pledge,0,0,1,tipped,,0.000,0.000,0,0,,,,,\n"
+    cells = cells_of(path_m=math.nan, reverse_m=-0.0, time_s=-1e-9, shortest_path_m=math.inf, spl=None)
+    assert (cells["reverse_m"], cells["time_s"]) == ("0.000", "0.000")
+    assert cells.keys().isdisjoint({"path_m", "shortest_path_m", "spl"})
 
 
 def fill(path: Path, *rows: TrialRow, finished: bool = False) -> None:
