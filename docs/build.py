@@ -24,7 +24,9 @@ NOTEBOOK = "docs/tutorial/campaign.ipynb"
 ELSEWHERE = {
     "ARCHITECTURE.md": "explanation/architecture.md",
     "CHANGELOG.md": "reference/changelog.md",
+    "CODE_OF_CONDUCT.md": "how-to/code-of-conduct.md",
     "CONTRIBUTING.md": "how-to/contributing.md",
+    "SECURITY.md": "explanation/security.md",
     "benchmarks/README.md": "explanation/benchmarks.md",
     "README.md": "index.md",
     "examples/ros2/wayfarer_failsafe/README.md": "how-to/ros2.md",

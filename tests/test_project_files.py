@@ -40,6 +40,13 @@ def test_path_that_a_page_names_is_there(page: str) -> None:
     assert {path for path in paths if not any((ROOT / top / path).exists() for top in ("", "wayfarer"))} == set()
 
 
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "CODE_OF_CONDUCT.md", "SECURITY.md"])
+def test_page_that_asks_for_reports_names_no_invented_address(page: str) -> None:
+    text = text_of(page)
+    assert len(re.findall(r"address goes here\*\* \(owner:", text)) == 1
+    assert not re.search(r"https?://|\b[\w.+-]+@[\w-]+\.\w", text)
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_link_to_another_page_leads_to_a_heading_there(page: str) -> None:
     for name, heading in re.findall(r"\]\((?!http)([^)#]*)#?([^)]*)\)", text_of(page)):

@@ -20,7 +20,7 @@ from tests.virtual import virtual
 from wayfarer.drivers.gpio_motors import GpioMotors, GpioMotorsSettings
 from wayfarer.drivers.linux import LinuxBuses
 from wayfarer.errors import NotResponding
-from wayfarer.hal import STOP, WheelCommand
+from wayfarer.hal import STOP, MotorHealth, WheelCommand
 from wayfarer.simhal.built_in_chips import GPIO_MOTORS
 from wayfarer.simhal.buses import FakeBuses
 from wayfarer.simhal.chip_wiring import ChipWiring
@@ -330,5 +330,5 @@ def test_inputs_that_are_pulled_up_at_boot_are_told_to_whoever_checks(settings: 
 async def test_there_is_no_deadman_and_nothing_is_known_of_the_battery() -> None:
     motors = await opened()
     assert motors.deadman_s is None
-    assert await motors.health() == (None, ())
+    assert await motors.health() == MotorHealth(None, ())
     await motors.read_back()

@@ -279,9 +279,9 @@ async def test_faults_on_purpose_are_a_deadman_that_does_not_arm_and_a_sentence(
 async def test_status_of_either_firmware_is_the_same_sentences(status_bytes: Any, status: int, said: list[str]) -> None:
     bench = await RoboClawBench({"status_bytes": status_bytes}, left=2).opened()
     bench.chip.status = status
-    battery_v, faults = await bench.motors.health()
-    assert battery_v == 12.6
-    assert [fault[: len(text)] for fault, text in zip(faults, said, strict=True)] == said
+    health = await bench.motors.health()
+    assert health.battery_v == 12.6
+    assert [fault[: len(text)] for fault, text in zip(health.faults, said, strict=True)] == said
 
 
 @virtual

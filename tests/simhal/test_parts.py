@@ -142,9 +142,9 @@ async def test_motors_apply_what_they_say_and_stop() -> None:
     await asyncio.sleep(5.0)
     assert await motors.drive(STOP) == STOP
     assert world.path_m == pytest.approx(driven_m, abs=0.2)
-    battery_v, faults = await motors.health()
-    assert battery_v is not None
-    assert faults == ()
+    health = await motors.health()
+    assert health.battery_v is not None
+    assert health.faults == ()
 
 
 @virtual

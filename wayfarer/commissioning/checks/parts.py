@@ -212,7 +212,7 @@ async def battery(inspection: Inspection) -> Finding:
     """Check the battery against the rover's own limit."""
     try:
         await inspection.open("motors")
-        volts, _ = await inspection.rover.motors.health()
+        volts = (await inspection.rover.motors.health()).battery_v
     except DriverError:
         return skipped("battery", "the motor board does not answer")
     if volts is None:
@@ -232,7 +232,7 @@ async def motor_faults(inspection: Inspection) -> Finding:
         await inspection.open("motors")
         if not await has_readback(inspection.rover.motors):
             return skipped("motor faults", "the motor board cannot be asked")
-        _, faults = await inspection.rover.motors.health()
+        faults = (await inspection.rover.motors.health()).faults
     except DriverError:
         return skipped("motor faults", "the motor board does not answer")
     if faults:
