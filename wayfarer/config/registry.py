@@ -137,10 +137,7 @@ def make_buses(name: str) -> Any:
         buses = make()
     except WayfarerError:
         raise
-    except (
-        Exception,
-        SystemExit,
-    ) as error:  # a third party's may raise anything; what is not a function cannot be called
+    except (Exception, SystemExit) as error:  # a third party's may raise anything, and be no function at all
         raise BadInput(f"buses '{name}': {path} gives no buses: {kind_and_text(error)}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
         raise BadInput(f"buses '{name}': {path} does not give a wayfarer.drivers.buses.Buses")
