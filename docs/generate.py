@@ -49,12 +49,22 @@ need the extra `sim`. For algorithms and drivers of your own, `wayfarer.escape`,
 `wayfarer.drivers.buses`, `wayfarer.errors` and `wayfarer.testing` are public as well. All else may change from one
 version to the next.
 """
+# The pages of the public names, by their titles: what one calls, then what it returns.
+TOPICS = {
+    "Campaigns and trials": ["run_campaign", "run_sweep", "run_trial", "open_results", "compare", "Results", "Trial"],
+    "Recorded runs": ["open_run", "replay", "Run", "Plot"],
+    "Escape and fail-safe": [
+        "make_handler", "FailSafe", "StuckDetector", "load_rover", "Observation", "Anomaly", "EscapeSettings",
+        "Vehicle", "WayfarerError",
+    ],
+}  # fmt: skip
 COMMAND_LINE = """# Command line
 
-Every command and option, as `--help` shows them. A mistake gives one line and the exit code 2; something
+Every command; its link leads to what its `--help` prints. A mistake gives one line and the exit code 2; something
 that this computer may have later, such as the device file of an adapter, a host's name, an address or a port, gives 1.
-`wayfarer/errors.py` lists all exit codes.
+A command that has done its work gives 0.
 """
+SIMULATION = "Simulation"  # the commands that help shows first, under no heading of their own
 ROVER_FILE = """# Rover file
 
 A rover file is TOML. It names a rover's parts, and what differs from the defaults below; only `name` and the keys of
@@ -90,10 +100,13 @@ Beside these keys there is every key of [the rover file](rover-file.md) by its d
 def pages() -> dict[Path, str]:
     """Return the text of each generated file."""
     schema = rover_schema()
-    names = sorted(wayfarer.__all__, key=lambda name: (name[0].isupper(), name))  # what one calls, then what it returns
     return {
-        FOLDER / "python.md": "\n".join([WRITTEN_BY, PYTHON, *(f"::: wayfarer.{name}\n" for name in names)]),
-        FOLDER / "command-line.md": "\n".join([WRITTEN_BY, COMMAND_LINE, *map(_command_section, commands())]),
+        FOLDER / "python.md": "\n".join([WRITTEN_BY, PYTHON, *map(_topic_table, TOPICS)]),
+        **{FOLDER / _place("python", topic): _topic_page(topic) for topic in TOPICS},
+        FOLDER / "command-line.md": "\n".join(
+            [WRITTEN_BY, COMMAND_LINE, *map(_panel_table, panels()), _command_section(())]
+        ),
+        **{FOLDER / _place("command-line", panel): _panel_page(panel) for panel in panels()},
         FOLDER / "campaign-settings.md": "\n".join([WRITTEN_BY, CAMPAIGN, _settings_table(), KEYS, _keys_table()]),
         FOLDER / "rover-file.md": "\n".join([WRITTEN_BY, ROVER_FILE, *_rover_sections(schema)]),
         SCHEMA: json.dumps(schema, indent=1, ensure_ascii=False) + "\n",
@@ -103,12 +116,32 @@ def pages() -> dict[Path, str]:
     }
 
 
+def _place(page: str, title: str) -> str:
+    return f"{page}-{title.lower().replace(' ', '-')}.md"
+
+
 def _with_part(page: str, name: str, text: str) -> str:
     """Return a page with another text between its marks ``<!-- name -->`` and ``<!-- /name -->``."""
     before, begin, rest = page.partition(f"<!-- {name} -->\n")
     _, end, after = rest.partition(f"<!-- /{name} -->\n")
     assert begin and end, f"the page has no marks of {name}"
     return before + begin + text + end + after
+
+
+# -- Python ------------------------------------------------------------------------------------------------------------
+
+
+def _topic_table(topic: str) -> str:
+    rows = (f"| `{name}` | {_first_line(getattr(wayfarer, name))} |\n" for name in TOPICS[topic])
+    return f"## [{topic}]({_place('python', topic)})\n\n| name | what it is |\n|---|---|\n" + "".join(rows)
+
+
+def _topic_page(topic: str) -> str:
+    return "\n".join([WRITTEN_BY, f"# Python: {topic}\n", *(f"::: wayfarer.{name}\n" for name in TOPICS[topic])])
+
+
+def _first_line(named: object) -> str:
+    return (inspect.getdoc(named) or "").partition("\n")[0].replace("``", "`")
 
 
 # -- conditions --------------------------------------------------------------------------------------------------------
@@ -136,11 +169,38 @@ def _witness_table() -> str:
 
 def commands(group: Any = None, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """Yield every command and group by its words, the whole program first."""
-    command = group or typer.main.get_command(cli.app)
+    command = group or _program()
     yield path
     for name, each in getattr(command, "commands", {}).items():
         if not each.hidden:
             yield from commands(each, (*path, name))
+
+
+def panels() -> dict[str, list[str]]:
+    """Return the commands under each heading of ``wayfarer --help``."""
+    found: dict[str, list[str]] = {SIMULATION: []}
+    for name, each in _program().commands.items():
+        panel = each.rich_help_panel
+        found.setdefault(panel if isinstance(panel, str) else SIMULATION, []).append(name)
+    return found
+
+
+def _panel_table(panel: str) -> str:
+    place = _place("command-line", panel)
+    rows = (
+        f"| [`wayfarer {name}`]({place}#wayfarer-{name}) | {_program().commands[name].get_short_help_str(200)} |\n"
+        for name in panels()[panel]
+    )
+    return f"## {panel}\n\n| command | what it does |\n|---|---|\n" + "".join(rows)
+
+
+def _panel_page(panel: str) -> str:
+    shown = (_command_section(words) for words in commands() if words and words[0] in panels()[panel])
+    return "\n".join([WRITTEN_BY, f"# Commands: {panel}\n", *shown])
+
+
+def _program() -> Any:
+    return typer.main.get_command(cli.app)
 
 
 def _command_section(words: tuple[str, ...]) -> str:

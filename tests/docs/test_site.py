@@ -102,6 +102,11 @@ def test_dead_link_or_anchor_fails_the_build(tmp_path: Path, monkeypatch: pytest
     assert not (tmp_path / "site").exists()
 
 
+def test_navigation_has_every_page_once() -> None:
+    shown = re.findall(r'"([^"]+\.md)"', (build.ROOT / "zensical.toml").read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(place for place in build.pages().values() if place.endswith(".md"))
+
+
 def test_links_of_a_page_that_is_elsewhere_lead_to_pages_of_the_site() -> None:
     places = build.pages()
     assert "](../how-to/service.md)" not in build.page_text("README.md", places)
