@@ -1,7 +1,7 @@
 """The escape handler as the fail-safe under another stack's planner, on a rover that has nothing else of wayfarer.
 
 Their planner steers for the goal; stuck, it backs up and tries again; where the camera is dark it waits. Their rover
-has a compass and odometry. What wayfarer adds is the stuck detector and, in ``drive``, the fail-safe: ask it once a
+has a compass and odometry. What wayfarer adds is the stuck detector and, in ``drive``, the fail-safe: ask it once per
 tick, and obey it if it answers. Rover and forest are wayfarer's simulated ones, in the place of theirs.
 
 Run it: python examples/failsafe_under_a_planner.py [FOREST]

@@ -33,6 +33,26 @@ def paths_in(text: str) -> set[str]:
     return {*quoted, *tried}
 
 
+# Words over which readers stumbled. Write "chosen by us", "if", "round trip", "checked against", "current",
+# "front", "from", "per", "stopped", "sensor".
+STUMBLES = re.compile(
+    r"\b(?:from no source|None where(?!:)|there and back|held against|garbage rejected|present settings|nose ahead"
+    r"|difference to|(?:once|times|ticks|degrees|metres|bytes|readings|pictures) a (?:second|minute|tick|trial)"
+    r"|(?:the|its) wheels stand|an? sense is|lost sense)\b",
+    re.IGNORECASE,
+)
+
+
+@pytest.mark.parametrize("folder", ["wayfarer", "docs", "examples", "README.md", "CONTRIBUTING.md"])
+def test_text_is_plain_english(folder: str) -> None:
+    top = ROOT / folder
+    paths = [each for each in top.rglob("*.*") if each.suffix in {".py", ".md", ".js", ".html", ".toml"}] or [top]
+    texts = {path: re.sub(r"\n *(?:#|//) ", "\n", path.read_text(encoding="utf-8")) for path in paths}
+    assert {
+        path.name: found for path, text in texts.items() if (found := STUMBLES.findall(" ".join(text.split())))
+    } == {}
+
+
 @pytest.mark.parametrize("page", ["CONTRIBUTING.md", "ARCHITECTURE.md"])
 def test_path_that_a_page_names_is_there(page: str) -> None:
     paths = paths_in(text_of(page))

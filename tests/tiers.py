@@ -43,7 +43,7 @@ def tier_of(item: pytest.Item) -> str:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Where unit tests alone are asked for, leave out folders that have none: each worker would import what they do."""
+    """If unit tests alone are asked for, leave out folders that have none: each worker would import what they do."""
     return True if config.getoption("markexpr") == "unit" and collection_path in PROCESS_FOLDERS else None
 
 

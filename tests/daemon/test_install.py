@@ -68,8 +68,8 @@ def test_unit_is_started_again_for_as_long_as_a_slow_boot_takes_but_not_for_bad_
     unit = settings(install.unit_text(python))
     (burst,), (pause,), (interval,) = unit["StartLimitBurst"], unit["RestartSec"], unit["StartLimitIntervalSec"]
     minutes = int(interval.removesuffix("min"))
-    assert int(burst) * float(pause) >= 300.0, "also where each start fails at once"
-    assert int(burst) * (float(pause) + 10.0) <= 60.0 * minutes, "it ends, also where a start and its stop take 10 s"
+    assert int(burst) * float(pause) >= 300.0, "also if each start fails at once"
+    assert int(burst) * (float(pause) + 10.0) <= 60.0 * minutes, "it ends, also if a start and its stop take 10 s"
     assert unit["RestartPreventExitStatus"] == [str(BadInput.exit_code)]
     assert NotThereYet.exit_code != BadInput.exit_code
 

@@ -213,7 +213,7 @@ class Supervisor:
     def is_fresh(self) -> bool:
         """Return whether the control tick runs and every sensor that the run needs has answered recently.
 
-        If it is not, systemd starts the daemon again, disarmed. A mission must not end this way unless the lost sense
+        If it is not, systemd starts the daemon again, disarmed. A mission must not end this way unless the lost sensor
         is what holds it: one that rests, or that a person holds, goes on afterwards. Nor must a run that a person may
         drive: they need no sensor, and a daemon that is there.
         """

@@ -104,7 +104,7 @@ class Sabertooth:
     rounded ones: data / (127 * duty_limit).
 
     The deadman is the board's serial timeout: it is off by default, forgotten at each loss of power, and cannot be read
-    back. So it is sent after each command to move; at 2400 baud, once a second. Only a person who watches the wheels
+    back. So it is sent after each command to move; at 2400 baud, once per second. Only a person who watches the wheels
     can confirm that it trips; ``wayfarer check`` asks for this. Without the confirmation, or a reason in the rover
     file, the rover is not armed. This driver also cannot notice that no board is connected to the wire.
     """

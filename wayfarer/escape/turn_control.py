@@ -34,8 +34,8 @@ def faded(value: float, dt_s: float, fade_s: float) -> float:
 
 # -- turns -------------------------------------------------------------------------------------------------------------
 
-# Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings a
-# second) counts for 4 degrees per second.
+# Rates and duties are averaged alike before they are compared, so that the noise of a compass (1 degree, 20 readings
+# per second) counts for 4 degrees per second.
 AVERAGE_S: Final = 0.2
 # Feedback: this share of the angle by which the heading lags is added to the turn rate per second. It is slow compared
 # with lag and tick together.

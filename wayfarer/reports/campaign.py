@@ -47,7 +47,7 @@ def comparison_section(results: Results, plots: Plots) -> Iterator[str]:
         if (found := {one.algorithm: change for one in others if (change := one.changes[each.name])})
     }
     yield html.panels(
-        html.figure(plots.place(gain_figure(each, found)), alt=f"Difference to {base.algorithm}: {each.title}")
+        html.figure(plots.place(gain_figure(each, found)), alt=f"Difference from {base.algorithm}: {each.title}")
         for each, found in known.items()
     )
     table = comparison_table([base, *others])

@@ -23,9 +23,9 @@ STALL_LIMIT_S: Final = 0.2
 class Gate:
     """Limits commands, holds the wheels, and latches faults.
 
-    Once a tick, call ``judge``, and if it says so, ``limit``. ``cause`` is the worst condition, ``level`` its severity,
-    ``holds`` whether it keeps the wheels at zero. ``levels`` are the severities of this rover's conditions; others
-    count from the next tick on.
+    Once per tick, call ``judge``, and if it says so, ``limit``. ``cause`` is the worst condition, ``level`` its
+    severity, ``holds`` whether it keeps the wheels at zero. ``levels`` are the severities of this rover's conditions;
+    others count from the next tick on.
     """
 
     def __init__(self, settings: SafetySettings, control_hz: float) -> None:

@@ -1,4 +1,4 @@
-"""One question, one answer; and a line for the person where there is none."""
+"""One question, one answer; and a line for the person if there is none."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from wayfarer.hal import (
 
 # A rover that is set down for a start stands about level; beyond this the compass is mounted otherwise than believed.
 LEVEL_DEG = 20.0
-# Two reports of a receiver that speaks once a second: a first one may be old. Chosen by us.
+# Two reports of a receiver that speaks once per second: a first one may be old. Chosen by us.
 FIX_WITHIN_S, FIX_LOOK_S = 3.0, 0.1
 NO_FIX = NoFix("no fix", "no free view of the sky, or just switched on", "wait some minutes outdoors")
 

@@ -36,7 +36,7 @@ MODE_MANUAL, MODE_HOLD, MODE_LOITER, MODE_AUTO, MODE_INITIALISING = 0, 4, 5, 10,
 # "Not known", as the definitions of the fields say.
 NO_U16: Final = 0xFFFF
 NO_I16: Final = -1
-FRESH_S = 5.0  # a receiver speaks once a second, a motor board four times: chosen by us
+FRESH_S = 5.0  # a receiver speaks once per second, a motor board four times: chosen by us
 PHASES: Final = tuple(phase.value for phase in Phase)  # ``phase`` tells the place in this list, from 0
 LEVELS: Final = {level.name.lower(): int(level) for level in Level}
 
