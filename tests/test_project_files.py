@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import tomllib
 from pathlib import Path
@@ -121,3 +122,25 @@ def test_each_extra_that_an_error_names_is_one_of_the_distribution() -> None:
 def test_citation_has_the_projects_address_if_there_is_one() -> None:
     cited = re.findall(r"^repository-code: (.+)$", text_of("CITATION.cff"), re.MULTILINE)
     assert cited == [address for name, address in PROJECT["urls"].items() if name == "Source"]
+
+
+# -- what is installed -------------------------------------------------------------------------------------------------
+
+
+def shown_by(path: Path) -> str:
+    """What people may see of a file: all of it, of Python its strings that are no statement of their own."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".py":
+        return text
+    tree = ast.parse(text)
+    quiet = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    strings = (each for each in ast.walk(tree) if isinstance(each, ast.Constant) and id(each) not in quiet)
+    return "\n".join(each.value for each in strings if isinstance(each.value, str))
+
+
+def test_what_an_installed_wayfarer_shows_names_no_file_of_the_checkout() -> None:
+    suffixes = {".py", ".toml", ".json", ".html", ".js"}
+    files = [path for path in (ROOT / "wayfarer").rglob("*") if path.suffix in suffixes]
+    assert len(files) > 200
+    checkout = re.compile(r"\b(docs|examples|tests)/\w|\b(CONTRIBUTING|README|ARCHITECTURE)\b")
+    assert [(path.name, found[0]) for path in files if (found := checkout.search(shown_by(path)))] == []
