@@ -224,10 +224,9 @@ def _figures(grid: Grid, plots: Plots) -> Iterator[str]:
         for name in grid.algorithms:
             yield html.section(name, html.paragraph(MAPS), _panels(maps_figures(grid, name), plots, "heat-maps"))
     else:
-        key = html.layers(
-            "Show", [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(grid.algorithms)]
-        )
-        yield html.section("What changes", html.paragraph(CURVES), key, _panels(curves_figures(grid), plots))
+        layers = [html.PlotLayer(name, name, colour_of(at)) for at, name in enumerate(grid.algorithms)]
+        key = [html.layers("Show", layers)] if len(layers) > 1 else []
+        yield html.section("What changes", html.paragraph(CURVES), *key, _panels(curves_figures(grid), plots))
 
 
 def _panels(figures: Iterable[Figure], plots: Plots, kind: str = "") -> str:
