@@ -143,7 +143,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"trials": True}, "trials = True: input should be a valid integer"),
     ({"slip_mean_m": np.True_}, "slip_mean_m = True: input should be a valid number"),
     ({"set": {"sim.slope_deg": (15, 0)}}, "set sim.slope_deg = (15, 0): expected a value, or LOW:HIGH"),
-    ({"set": {"ground": (1, 2)}}, "key 'ground' is no number"),
+    ({"set": {"ground": (1, 2)}}, "key 'ground' is not a number"),
     ({"slip_mean_m": 2, "set": {"slip_mean_m": 3}}, "slip_mean_m and the key 'slip_mean_m' set the same value"),
     ({"resume": True}, "name it with out"),
     ({"jobs": 0}, "jobs = 0: expected a number of processes, one at least"),

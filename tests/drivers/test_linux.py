@@ -210,7 +210,7 @@ async def test_parts_on_one_port_ask_in_turn_and_silence_costs_each_its_own_time
     with Device(far) as device:
         asking = (port.exchange(b"?\n", whole_line, within_s=60.0) for _ in range(3))
         said = await asyncio.gather(*asking, return_exceptions=True)
-        assert all(re.search("no whole answer|was dropped", str(each)) for each in said), said
+        assert all(re.search("no complete answer|was dropped", str(each)) for each in said), said
         device.pieces = (b"ok\n",)
         assert await asyncio.gather(*(port.exchange(b"?\n", whole_line) for _ in range(3))) == [b"ok\n"] * 3
 
@@ -224,7 +224,7 @@ async def test_port_that_goes_while_its_answer_is_awaited_is_told(buses: LinuxBu
     await port.write(b"")
     os.close(near)
     asyncio.get_running_loop().call_later(0.02, os.close, far)
-    with pytest.raises(NotResponding, match=f"^{name}: (?!no whole answer)"):
+    with pytest.raises(NotResponding, match=f"^{name}: (?!no complete answer)"):
         await port.exchange(b"?\n", whole_line)
 
 
@@ -251,7 +251,7 @@ async def test_port_that_is_gone_is_told_at_each_use_and_opened_once_it_is_back(
         os.close(far)
         name.unlink()
         for _ in range(2):
-            with pytest.raises(NotResponding, match=f"^{name}: (?!no whole answer)"):
+            with pytest.raises(NotResponding, match=f"^{name}: (?!no complete answer)"):
                 await port.exchange(b"?\n", whole_line)
 
 

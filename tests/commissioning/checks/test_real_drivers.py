@@ -125,9 +125,9 @@ def test_a_healthy_roboclaw_passes_and_its_emergency_stop_is_a_sentence(rig: Chi
     ("answer", "text"),
     [
         pytest.param(lambda *_: b"", "nothing came); battery off, another address or baud rate", id="absent"),
-        pytest.param(lambda _, data: data[:-1], "is no whole answer to that; noise", id="slow"),
-        pytest.param(lambda *_: b"$GPGGA,0,0\0ok", "expected RoboClaw, got no answer of one", id="wrong"),
-        pytest.param(lambda *_: bytes(range(255, 200, -1)), "expected RoboClaw, got no answer of one", id="garbage"),
+        pytest.param(lambda _, data: data[:-1], "is not a complete answer; noise", id="slow"),
+        pytest.param(lambda *_: b"$GPGGA,0,0\0ok", "expected RoboClaw, got no answer from one", id="wrong"),
+        pytest.param(lambda *_: bytes(range(255, 200, -1)), "expected RoboClaw, got no answer from one", id="garbage"),
     ],
 )
 def test_what_is_wrong_with_a_roboclaw_is_one_line_with_a_remedy(
@@ -203,8 +203,8 @@ ON_UART = "FAIL BNO055 on /dev/serial0: no answer"
             "FAIL .*expected the identities a0 fb 32 0f of a BNO055, got 00 00 00 00.*: correct .parts.comp.*",
         ),
         (Torn, "/dev/serial0", "FAIL .*expected the identities .*, got fb 32 0f ff.*: correct .parts.compass.*"),
-        (Frozen, "", f"FAIL BNO055 at 0x28 on /dev/i2c-1: its sensors measure nothing new, .*: {AGAIN}"),
-        (Frozen, "/dev/serial0", f"FAIL BNO055 on /dev/serial0: its sensors measure nothing new, .*: {AGAIN}"),
+        (Frozen, "", f"FAIL BNO055 at 0x28 on /dev/i2c-1: its sensors send nothing new, .*: {AGAIN}"),
+        (Frozen, "/dev/serial0", f"FAIL BNO055 on /dev/serial0: its sensors send nothing new, .*: {AGAIN}"),
         (Slow, "", "FAIL .*a transfer did not end within 0.1 s; a device holds the bus.*"),
         (Slow, "/dev/serial0", f"{ON_UART} .*no complete answer within 0.05 s, nothing came.*"),
     ],
