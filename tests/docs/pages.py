@@ -1,10 +1,9 @@
-"""The pages for people: their fences, the commands in them, and what is said of those that cannot run in a test."""
+"""The pages for people: their fences, the commands in them, and what is said of those that a page's test cannot run."""
 
 from __future__ import annotations
 
 import re
 import shlex
-import sys
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
@@ -13,29 +12,37 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
     path.relative_to(ROOT).as_posix()
-    for glob in ("*.md", "benchmarks/*.md", "docs/*/*.md")
+    for glob in ("*.md", "benchmarks/*.md", "docs/*/*.md", "examples/**/README.md")
     for path in ROOT.glob(glob)
     if path.name != "CHANGELOG.md"
 )
 SHELL = {"bash", "console"}
 _FENCE = re.compile(
-    r"^(?:<!-- not run: (?P<why>[^\n]+) -->\n)?(?P<indent> *)```(?P<language>[^\n]*)\n(?P<body>.*?)^(?P=indent)```$",
+    r"(?:`(?P<file>[\w.-]+)`:\n\n)?^(?:<!-- (?:not run|compared by (?P<by>\S+)): (?P<why>[^\n]+) -->\n)?"
+    r"(?P<indent> *)```(?P<language>[^\n]*)\n(?P<body>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
 _INLINE = re.compile(r"(?<!`)`(?:sudo (?:-u wayfarer )?)?wayfarer ([^`]+)`(?!`)")
 
 
 class Fence(NamedTuple):
-    """A block of code: its language, its text, and why no test runs it, if none does."""
+    """A block of code: its language, its text, why the test of its page does not run it, and what compares it then.
+
+    A block right after `` `NAME`: `` is what the reader has in a file of that name.
+    """
 
     language: str
     body: str
     why_not: str | None
+    compared_by: str | None
+    file: str | None
 
 
 def fences(page: str) -> list[Fence]:
     text = (ROOT / page).read_text(encoding="utf-8")
-    return [Fence(each["language"], each["body"], each["why"]) for each in _FENCE.finditer(text)]
+    return [
+        Fence(each["language"], each["body"], each["why"], each["by"], each["file"]) for each in _FENCE.finditer(text)
+    ]
 
 
 def shell_lines(fence: Fence) -> Iterator[str]:
@@ -63,18 +70,3 @@ def inline_commands(page: str) -> list[list[str]]:
     """Return the ``wayfarer`` commands that stand in sentences; words in capitals stand for something else."""
     text = _FENCE.sub("", (ROOT / page).read_text(encoding="utf-8"))
     return [found.split() for found in _INLINE.findall(text)]
-
-
-def script(page: str) -> str:
-    """Return what a page shows, as one script of bash: its commands that can run everywhere, and its Python."""
-    parts = []
-    for fence in fences(page):
-        if fence.language in SHELL and fence.why_not is None:
-            parts += list(shell_lines(fence))
-        elif fence.language == "python":
-            parts.append(f"python - <<'END'\n{fence.body}END")
-    return "\n".join(parts)
-
-
-if __name__ == "__main__":  # for .ci/run
-    print(script(sys.argv[1]))

@@ -1,4 +1,7 @@
-"""Every command of the documentation runs; those that cannot run here are checked against the command line."""
+"""Every command of the documentation runs, and prints what the page shows.
+
+Those that cannot run here are checked against the command line.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,8 @@ import pytest
 import typer
 
 from tests.conftest import Run
-from tests.docs.pages import PAGES, ROOT, SHELL, fences, inline_commands, shell_lines, wayfarer_words
+from tests.docs import transcripts
+from tests.docs.pages import PAGES, ROOT, SHELL, Fence, fences, inline_commands, shell_lines, wayfarer_words
 from wayfarer import cli
 
 LANGUAGES = {*SHELL, "python", "pycon", "toml", "ini", "json", "text"}
@@ -68,29 +72,42 @@ def quick(words: list[str]) -> list[str]:
     return [*words, *(() if "--trial" in words else FEW[words[0]]), *(() if "--budget-m" in words else SHORT)]
 
 
-def runs(page: str) -> list[str]:
-    return [
-        line
-        for fence in fences(page)
-        if fence.language in SHELL and fence.why_not is None
-        for line in shell_lines(fence)
-    ]
+def blocks_that_run(page: str) -> list[Fence]:
+    return [fence for fence in fences(page) if fence.language in SHELL and fence.why_not is None]
+
+
+def write_files(page: str, folder: Path) -> None:
+    """Write the files that a page shows."""
+    for fence in fences(page):
+        if fence.file:
+            (folder / fence.file).write_text(fence.body, encoding="utf-8")
 
 
 @pytest.mark.process
-@pytest.mark.usefixtures("checkout")
-@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)])
-def test_commands_of_a_page_run_one_after_the_other(page: str, run: Run) -> None:
-    for line in runs(page):
-        if "--spl" in line:
-            pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
-        commands = list(wayfarer_words(line))
-        if not commands:
-            assert line.split()[0] in PLAIN, f"{line}: say why it is not run, or let it run"
-            subprocess.run(["bash", "-c", line], check=True)
-        for words in commands:
-            code, _, errors = run(*quick(words))
-            assert code == 0, f"{line}: {errors}"
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks_that_run(page)])
+def test_commands_of_a_page_run_one_after_the_other_and_print_what_it_shows(
+    page: str, run: Run, checkout: Path
+) -> None:
+    write_files(page, checkout)
+    for fence in blocks_that_run(page):
+        if fence.language == "console":
+            stale = transcripts.stale(fence, checkout, transcripts.environment(checkout))
+            assert not stale, f"{page} shows what is not printed any more:\n{stale}"
+        else:
+            for line in shell_lines(fence):
+                run_quickly(line, run)
+
+
+def run_quickly(line: str, run: Run) -> None:
+    if "--spl" in line:
+        pytest.importorskip("skfmm", reason="scikit-fmm is not installed: pip install '.[hardware]'")
+    commands = list(wayfarer_words(line))
+    if not commands:
+        assert line.partition(" ")[0] in PLAIN, f"{line}: say why it is not run, or let it run"
+        subprocess.run(["bash", "-c", line], check=True)
+    for words in commands:
+        code, _, errors = run(*quick(words))
+        assert code == 0, f"{line}: {errors}"
 
 
 # -- those that do not -------------------------------------------------------------------------------------------------
