@@ -1,7 +1,7 @@
 """Tables of results as Markdown, from the folders of campaigns, in the places that the pages have for them.
 
 A place is between ``<!-- measured KIND: NAME... -->`` and ``<!-- end of measured -->``. It is written whole, once all
-its campaigns are measured, each with its command, version and time: no row of an older version stays in it.
+its campaigns are measured: each table with its command, its version (``trial_code``) and its time.
 """
 
 from __future__ import annotations
@@ -30,10 +30,29 @@ Lines = Iterator[Sequence[str]]  # of a table, the titles first
 
 
 @dataclass(frozen=True)
+class Part:
+    """A command whose results are in a folder, finished or not."""
+
+    words: list[str]
+    results: Path
+
+    @property
+    def end(self) -> Path:
+        """The file for what the command prints at its end: there, and only then, it is finished."""
+        return self.results.with_suffix(".json")
+
+    @property
+    def printed(self) -> Mapping[str, Any] | None:
+        """What the command printed; None if it is not finished."""
+        return json.loads(self.end.read_text(encoding="utf-8")) if self.end.exists() else None
+
+
+@dataclass(frozen=True)
 class Measured:
     """A campaign, and where its results are, finished or not: ``folder`` is that of a version.
 
-    ``arguments`` are those of ``wayfarer``, with their number of trials unless ``other_trials`` replaces it.
+    ``arguments`` are those of ``wayfarer``, with their number of trials unless ``other_trials`` replaces it. Of a list
+    of seeds each is run apart, and the table is that of all trials.
     """
 
     folder: Path
@@ -50,57 +69,75 @@ class Measured:
         return words
 
     @property
-    def command(self) -> str:
-        """Its command, without where the results go."""
-        return f"wayfarer {' '.join(self.words)}"
+    def seeds(self) -> list[str]:
+        """The seeds of its parts."""
+        return self.words[self.words.index("--seed") + 1].split(",") if "--seed" in self.words else ["0"]
 
     @property
-    def results(self) -> Path:
-        """The folder of its results; another number of trials has another one."""
-        return self.folder / f"{self.name}-{self.words[self.words.index('--trials') + 1]}"
+    def parts(self) -> list[Part]:
+        """The commands, one for each seed; another number of trials has another folder."""
+        name = f"{self.name}-{self.words[self.words.index('--trials') + 1]}"
+        if len(self.seeds) == 1:
+            return [Part(self.words, self.folder / name)]
+        at = self.words.index("--seed") + 1
+        return [
+            Part([*self.words[:at], seed, *self.words[at + 1 :]], self.folder / f"{name}-seed-{seed}")
+            for seed in self.seeds
+        ]
 
     @property
-    def end(self) -> Path:
-        """The file for what the command prints at its end: there, and only then, it is finished."""
-        return self.results.with_suffix(".json")
+    def finished(self) -> bool:
+        """Whether nothing of it is missing."""
+        return all(part.end.exists() for part in self.parts)
 
     @property
-    def printed(self) -> Mapping[str, Any] | None:
-        """What the command printed; None if it is not finished."""
-        return json.loads(self.end.read_text(encoding="utf-8")) if self.end.exists() else None
+    def cpu_s(self) -> float | None:
+        """The CPU time that it took, seconds; None if it was interrupted, so that nobody knows."""
+        runs = [part.printed["last_run"]["cpu_s"] for part in self.parts if part.printed]
+        return sum(runs) if all(len(read_runs(part.results)) == 1 for part in self.parts) else None
 
     @property
     def caption(self) -> str:
         """Where the table of a finished campaign comes from."""
-        printed, version = self.printed, Results.open(self.results).plan.base.version
-        assert printed is not None, "it is finished"
-        run = printed["last_run"]
-        minutes = "{:.1f} min, {:.1f} min of CPU".format(*(run[key] / 60 for key in ("wall_s", "cpu_s")))
-        took = minutes if len(read_runs(self.results)) == 1 else "in several runs"
-        return f"`{self.command}`, version {version} ({took}):"
+        _, *others = self.seeds
+        also = f" and with seed {', '.join(others)}" if others else ""
+        return f"`wayfarer {' '.join(self.parts[0].words)}`{also} (code {self.folder.name}, {self.took}):"
+
+    @property
+    def took(self) -> str:
+        """How long it took, in words."""
+        return "in several runs" if self.cpu_s is None else f"{self.cpu_s / 60:.1f} min of CPU"
+
+    def open(self) -> Results:
+        """Return the results of all parts. The layouts of different seeds are different ones."""
+        first, *others = (Results.open(part.results) for part in self.parts)
+        most = 1 + max(row.forest for each in (first, *others) for row in each.rows)
+        for number, each in enumerate(others, start=1):
+            first.rows += [row._replace(forest=row.forest + number * most) for row in each.rows]
+        return first
 
 
 # -- the tables, by their kind -----------------------------------------------------------------------------------------
 
 
-def outcomes(folder: Path) -> Lines:
+def outcomes(campaign: Measured) -> Lines:
     """Yield the table of ``wayfarer sim``, with the paper's figures."""
-    table = table_of(Results.open(folder))
+    table = table_of(campaign.open())
     yield table.titles
     for kind, cells in table.rows:
         yield [f"*{cell.strip()}*" if cell else "" for cell in cells] if kind else cells
 
 
-def gains(folder: Path) -> Lines:
-    """Yield the table of ``wayfarer compare``."""
-    table = comparison_table(compare(Results.open(folder).rows))
-    yield table.titles
-    yield from (cells for _, cells in table.rows)
+def gains(campaign: Measured) -> Lines:
+    """Yield the table of ``wayfarer compare``, without the worst trials, which one seed alone can name."""
+    table = comparison_table(compare(campaign.open().rows))
+    yield table.titles[:-1]
+    yield from (cells[:-1] for _, cells in table.rows)
 
 
-def points(folder: Path) -> Lines:
+def points(campaign: Measured) -> Lines:
     """Yield the table of a sweep's report, without a column of algorithms if there is one only."""
-    results = Grid(Results.open(folder))
+    results = Grid(campaign.open())
     first = 0 if len(results.algorithms) > 1 else 1
     yield point_titles(results)[first:]
     for name in results.algorithms:
@@ -108,20 +145,30 @@ def points(folder: Path) -> Lines:
             yield [name, *cells][first:]
 
 
-def limits(folder: Path) -> Lines:
+def limits(campaign: Measured) -> Lines:
     """Yield the successes in per cent for other time limits."""
-    results = Results.open(folder)
     yield ["algorithm", *(f"{limit_s} s" for limit_s in LIMITS_S)]
-    for name, rows in results.by_algorithm.items():
+    for name, rows in campaign.open().by_algorithm.items():
         times_s = [row.time_s for row in rows if row.outcome in SUCCESSES and row.time_s is not None]
         yield [name, *(f"{100 * sum(t_s <= limit_s for t_s in times_s) / len(rows):.0f}" for limit_s in LIMITS_S)]
 
 
-KINDS: Mapping[str, Callable[[Path], Lines]] = {
+def seeds(campaign: Measured) -> Lines:
+    """Yield the successes in per cent with each seed, which draws other layouts."""
+    found = [Results.open(part.results).by_algorithm for part in campaign.parts]
+    yield ["algorithm", *(f"seed {seed}" for seed in campaign.seeds)]
+    for name in found[0]:
+        shares = [100 * sum(row.outcome in SUCCESSES for row in each[name]) / len(each[name]) for each in found]
+        yield [name, *(f"{share:.1f}" for share in shares)]
+
+
+TIMES = "times"  # one table of all its campaigns; the other kinds have a table for each
+KINDS: Mapping[str, Callable[[Measured], Lines]] = {
     "outcomes": outcomes,
     "gains": gains,
     "points": points,
     "limits": limits,
+    "seeds": seeds,
 }
 
 
@@ -150,6 +197,17 @@ def _written(finished: Mapping[str, Measured], place: re.Match[str]) -> str:
     names = place["names"].split()
     if not set(names) <= set(finished):
         return place[0]
-    table = KINDS[place["kind"]]
-    blocks = ["\n".join([finished[name].caption, "", *markdown(table(finished[name].results))]) for name in names]
+    campaigns = [finished[name] for name in names]
+    if place["kind"] == TIMES:
+        blocks = ["\n".join(markdown(times(campaigns)))]
+    else:
+        table = KINDS[place["kind"]]
+        blocks = ["\n".join([each.caption, "", *markdown(table(each))]) for each in campaigns]
     return "\n\n".join([f"<!-- measured {place['kind']}: {place['names']} -->", *blocks, "<!-- end of measured -->"])
+
+
+def times(campaigns: Iterable[Measured]) -> Lines:
+    """Yield how long each campaign took."""
+    yield ["campaign", "command", "time"]
+    for each in campaigns:
+        yield [each.name, f"`{each.arguments}`", each.took]
