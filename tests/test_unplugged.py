@@ -56,7 +56,7 @@ class Adapter:
 
 async def test_adapter_that_comes_back_gets_zeros_until_the_board_was_opened_again() -> None:
     adapter = Adapter()
-    port = ThreadedSerial(BY_ID, adapter.open)
+    port = ThreadedSerial(BY_ID, adapter.open, deadline_s=10.0)  # no deadline of a busy computer ends a transfer
     buses: Any = SimpleNamespace(serial=lambda _name, baud: port)
     motors = Sabertooth(SabertoothSettings(port=BY_ID), buses)
     await motors.open()
