@@ -11,7 +11,8 @@ import click
 import pytest
 
 from docs import measure
-from docs.measured_tables import KINDS, PLACE, Measured, write_pages
+from docs.measured_tables import KINDS, PLACE, TIMES, Measured, write_pages
+from docs.trial_code import RUNS, code_of
 from tests.conftest import Run
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import command_of
@@ -20,37 +21,65 @@ from wayfarer.experiments.trial import TrialResult
 from wayfarer.simhal.world.forest_file import REFERENCE, content_of, forests_in
 
 PLACES = [place for page in (ROOT / "docs").rglob("*.md") for place in PLACE.finditer(page.read_text(encoding="utf-8"))]
-CAPTION = re.compile(r"^`(wayfarer [^`]+)`, version (\S+) ", re.MULTILINE)
+CAPTION = re.compile(r"^`(wayfarer [^`]+)`[^\n]* \(code (\w+), [^\n]+\):$", re.MULTILINE)
 PAGE = "# Results\n\n<!-- measured {} -->\n\n| old | 1 |\n\n<!-- end of measured -->\n\nWhat it means.\n"
 
 
-def test_every_campaign_has_a_place_that_fits_it() -> None:
-    kinds = {name: place["kind"] for place in PLACES for name in place["names"].split()}
-    assert set(kinds) == set(measure.CAMPAIGNS)
-    for name, kind in kinds.items():
+def test_every_campaign_has_a_place_that_fits_it_and_its_time_beside_its_name() -> None:
+    kinds = {(name, place["kind"]) for place in PLACES for name in place["names"].split()}
+    assert {name for name, kind in kinds if kind == TIMES} == set(measure.CAMPAIGNS)
+    assert {name for name, kind in kinds if kind != TIMES} == set(measure.CAMPAIGNS)
+    for name, kind in kinds - {(name, TIMES) for name in measure.CAMPAIGNS}:
         assert kind in KINDS
         assert (kind == "points") == measure.CAMPAIGNS[name].startswith("sweep ")
 
 
-def test_all_tables_in_the_pages_are_of_one_version_and_of_these_campaigns() -> None:
-    captions = [(place, *found) for place in PLACES for found in CAPTION.findall(place["content"])]
-    assert len({version for _, _, version in captions}) <= 1
-    for place, command, _ in captions:
-        trials = int(command.split("--trials ")[1].split()[0])
-        assert command in [Measured(ROOT, n, measure.CAMPAIGNS[n], trials).command for n in place["names"].split()]
+def test_all_tables_in_the_pages_are_measured_of_one_version_and_of_these_campaigns() -> None:
+    captions = []
+    for place in PLACES:
+        found = CAPTION.findall(place["content"])
+        names = place["names"].split()
+        if place["kind"] != TIMES:
+            commands = [f"wayfarer {' '.join(Measured(ROOT, n, measure.CAMPAIGNS[n]).parts[0].words)}" for n in names]
+            assert [command for command, _ in found] == commands, "none is missing, none is another one"
+        captions += found
+    assert len({version for _, version in captions}) == 1
 
 
 @pytest.mark.parametrize("name", measure.CAMPAIGNS)
 def test_the_command_line_understands_every_campaign(name: str) -> None:
-    command, arguments = command_of([*measure.CAMPAIGNS[name].split(), "--out", "x"])
-    try:
-        command.make_context(command.name, arguments)
-    except click.UsageError as error:
-        pytest.fail(error.format_message())
+    for part in Measured(ROOT, name, measure.CAMPAIGNS[name]).parts:
+        command, arguments = command_of([*part.words, "--out", "x"])
+        try:
+            command.make_context(command.name, arguments)
+        except click.UsageError as error:
+            pytest.fail(error.format_message())
 
 
-def test_held_out_forests_are_those_of_odd_layouts() -> None:
-    numbers = {forest.forest for forest in forests_in("odd", measure.held_out(content_of(REFERENCE)))}
+def test_version_of_a_table_changes_with_code_and_not_with_words_about_it(tmp_path: Path) -> None:
+    package = tmp_path / "wayfarer"
+    (package / "escape").mkdir(parents=True)
+    module = package / "escape" / "phases.py"
+
+    def version(text: str) -> str:
+        module.write_text(text, encoding="utf-8")
+        return code_of(package)
+
+    plain = version('def f(a: int) -> str:\n    return f"#{a}"\n')
+    said = '"""About."""\n\n\ndef f(a: int) -> str:  # why\n    """Two\n\n    lines."""\n    return f"#{a}"\n'
+    assert version(said) == plain
+    assert version(said.replace("#{a}", "#{a}!")) != plain
+    assert version(said.replace("return", "return  # no more\n    yield")) != plain
+
+
+def test_every_place_of_the_code_that_a_trial_runs_is_there() -> None:
+    """A module that moves does not leave the version silently."""
+    assert [pattern for pattern in RUNS if not [*(ROOT / "wayfarer").glob(pattern)]] == []
+
+
+def test_held_out_forests_are_those_of_odd_layouts(tmp_path: Path) -> None:
+    measure.write_held_out(tmp_path)
+    numbers = {forest.forest for forest in forests_in("odd", (tmp_path / measure.HELD_OUT).read_bytes())}
     assert numbers == {forest.forest for forest in forests_in(REFERENCE, content_of(REFERENCE)) if forest.forest % 2}
 
 
@@ -86,6 +115,8 @@ def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             "sim --algorithm pledge --trials 9",
             "| pledge | 100.0 [51.0, 100.0] | 0.0 | 0.0 |",
         ),
+        ("seeds", "sim --algorithm pledge --trials 9 --seed 1,2", "| pledge | 100.0 | 100.0 |"),
+        ("outcomes", "sim --algorithm pledge --trials 9 --seed 1,2", "| pledge | 100.0 [67.6, 100.0] | 0.0 | 0.0 |"),
         ("limits", "sim --algorithm pledge,levy-walk --trials 9", "| levy-walk | 25 | 50 | 75 | 100 |"),
         ("gains", "sim --algorithm forest-pledge,pledge --trials 9", "| pledge | 0, at most 75.0 | +0.0 |"),
         ("points", "sweep slip_mean_m=2,10 --trials 9", "| 10 | 100.0 [51.0, 100.0] | 0.750"),
@@ -99,10 +130,12 @@ def test_place_gets_the_whole_table_with_command_and_version(
     campaign = Measured(tmp_path, "one", arguments, other_trials=4)
     for _ in range(2):
         measure.run(campaign, jobs=1)
-        assert len(installed) == 1, "what is finished is not run again"
+        assert len(installed) == len(campaign.parts), "what is finished is not run again"
     assert [*write_pages(tmp_path, {"one": campaign})] == [page]
     text = page.read_text(encoding="utf-8")
-    assert f"\n`wayfarer {arguments.replace('9', '4')}`, version 0." in text
+    first = arguments.replace("9", "4").replace("1,2", "1")
+    assert f"\n`wayfarer {first}`" in text
+    assert f"(code {tmp_path.name}, 0.0 min of CPU):\n" in text
     assert f"\n{row}" in text
     assert "| old |" not in text
     assert text.startswith(f"# Results\n\n<!-- measured {place} -->\n\n`wayfarer")
