@@ -33,7 +33,7 @@ FIRST = 3  # trials of each row that ``--check`` computes again
 _SITE = "--algorithm forest-pledge,levy-walk,retry-pledge --trials 100 --seed 1,2,3,4 --spl"  # 400 layouts
 _CHALLENGE = "--algorithm forest-pledge,retry-pledge --trials 20"
 _GROUNDS = "sweep ground=ideal,leaf-litter,dry-soil,mud"
-_SLIPPERY = f"{_GROUNDS} --trials 100 --seed 1"
+_SLIPPERY = f"{_GROUNDS} --trials 50 --seed 1"
 _BOTH = "--algorithm forest-pledge,retry-pledge --trials 1000"
 _ANGLE = "sweep escape.turn_angle_deg"
 _SOURCES = (
@@ -41,7 +41,7 @@ _SOURCES = (
     "--set senses=field --set detector.stall_current_a=11 --ground"
 )
 _MUJOCO = (
-    "sim --physics mujoco --rover forestrover --seed 6 --spl --algorithm forest-pledge,retry-pledge --trials 100 "
+    "sim --physics mujoco --rover forestrover --seed 6 --spl --algorithm forest-pledge,retry-pledge --trials 50 "
     "--budget-m 400 --set sim.friction"
 )
 
