@@ -10,7 +10,6 @@ measured: ``docs/measured.json`` has their checksums. ``.ci/run`` does that.
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import signal
 import subprocess
@@ -40,10 +39,6 @@ _SOURCES = (
     "sweep anomaly_source=motion,wheels,current,wheels+current --algorithm retry-pledge --trials 200 --seed 48 --spl "
     "--set senses=field --set detector.stall_current_a=11 --ground"
 )
-_MUJOCO = (
-    "sim --physics mujoco --rover forestrover --seed 6 --spl --algorithm forest-pledge,retry-pledge --trials 50 "
-    "--budget-m 400 --set sim.friction"
-)
 
 CAMPAIGNS: Mapping[str, str] = {
     "paper-10": "sim --algorithm paper --forests reference --trials 1000",
@@ -69,9 +64,6 @@ CAMPAIGNS: Mapping[str, str] = {
     "angle-2": f"{_ANGLE}=10,30,50,90,180 --trials 500 --forests reference --spl --slip-mean-m 2",
     "sources-litter": f"{_SOURCES} leaf-litter",
     "sources-soil": f"{_SOURCES} dry-soil",
-    "mujoco-mud": f"{_MUJOCO}=0.15",
-    "mujoco-litter": f"{_MUJOCO}=0.4",
-    "mujoco-soil": f"{_MUJOCO}=0.65",
 }
 """The arguments of ``wayfarer`` by the campaign's name, in the order of running. Of several seeds each is run apart."""
 
@@ -168,19 +160,13 @@ def digest(trials: Path) -> str:
 
 
 def check(names: Iterable[str], code: str) -> int:
-    """Compute the first trials of these tables again, say which have changed, and return the exit code.
-
-    Those of MuJoCo are left out if it is not installed; another version of it may give other bytes.
-    """
+    """Compute the first trials of these tables again, say which have changed, and return the exit code."""
     kept, changed = json.loads(KEPT.read_text(encoding="utf-8")), 0
     with TemporaryDirectory() as made:
         folder = Path(made)
         write_held_out(folder)
         for name in names:
             part = Measured(folder, name, CAMPAIGNS[name], FIRST).parts[0]
-            if "mujoco" in part.words and importlib.util.find_spec("mujoco") is None:
-                print(f"{name}: MuJoCo is not installed")
-                continue
             words = [word for word in part.words if word != "--spl"]
             _wayfarer(folder, [*words, "--out", part.results.name, "--json"])
             same = digest(part.results / "trials.csv") == kept.get(name)
