@@ -29,7 +29,7 @@ def text_of(name: str) -> str:
 
 def paths_in(text: str) -> set[str]:
     """What stands between backquotes and looks like a path of the checkout, and the paths of `pytest` commands."""
-    quoted = re.findall(r"`([\w./-]+/[\w./-]*)`", text)
+    quoted = re.findall(r"`([\w.-][\w./-]*/[\w./-]*)`", text)
     tried = [word for command in re.findall(r"pytest ([^`\n#]+)", text) for word in command.split() if "/" in word]
     return {*quoted, *tried}
 
