@@ -242,7 +242,7 @@ def test_waiting_for_nothing_is_an_error_that_names_who_waits() -> None:
             group.create_task(wait_for_ever(), name="sensor:compass")
             await asyncio.sleep(2.5)
 
-    with pytest.raises(NothingScheduled, match=r"stands at 2\.500 s.*sensor:compass"):
+    with pytest.raises(NothingScheduled, match=r"stuck at 2\.500 s.*sensor:compass"):
         main()
 
 
