@@ -107,4 +107,4 @@ def play(page: str, compared_by: str, folder: Path) -> str:
 
 
 if __name__ == "__main__":  # for .ci/run
-    sys.exit(play(sys.argv[1], ".ci/run", Path(sys.argv[2])))
+    sys.exit(play(sys.argv[1], ".ci/run", Path(sys.argv[2])) or None)  # an empty text would be exit code 1
