@@ -90,7 +90,7 @@ async def test_link_to_an_spi_device_is_followed_and_another_file_is_refused(bus
         "correct its name in the rover file"
     )
     assert await said_of_spi(buses, "/dev/spidev123456789.0") == (
-        "/dev/spidev123456789.0: no SPI device, such as /dev/spidev0.1; correct its name in the rover file"
+        "/dev/spidev123456789.0: not an SPI device, such as /dev/spidev0.1; correct its name in the rover file"
     )
 
 
