@@ -44,7 +44,10 @@ STUMBLES = re.compile(
 )
 
 
-@pytest.mark.parametrize("folder", ["wayfarer", "docs", "examples", "README.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize(
+    "folder",
+    ["wayfarer", "docs", "examples", *(path.name for path in ROOT.glob("*.md") if path.name != "CHANGELOG.md")],
+)
 def test_text_is_plain_english(folder: str) -> None:
     top = ROOT / folder
     paths = [each for each in top.rglob("*.*") if each.suffix in {".py", ".md", ".js", ".html", ".toml"}] or [top]

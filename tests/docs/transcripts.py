@@ -93,7 +93,7 @@ def stale(fence: Fence, folder: Path, environment: Mapping[str, str]) -> str:
 def play(page: str, compared_by: str, folder: Path) -> str:
     """Run what a page shows, in a folder, and return what is stale in it.
 
-    That are the blocks that run everywhere, its Python, and what ``compared_by`` is to compare.
+    Those are the blocks that run everywhere, its Python, and what ``compared_by`` is to compare.
     """
     found = ""
     for fence in fences(page):
