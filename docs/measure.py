@@ -32,8 +32,12 @@ FIRST = 3  # trials of each row that ``--check`` computes again
 _SITE = "--algorithm forest-pledge,levy-walk,retry-pledge --trials 100 --seed 1,2,3,4 --spl"  # 400 layouts
 _CHALLENGE = "--algorithm forest-pledge,retry-pledge --trials 20"
 _GROUNDS = "sweep ground=ideal,leaf-litter,dry-soil,mud"
-_SLIPPERY = f"{_GROUNDS} --trials 50 --seed 1"
+_SLIPPERY = f"{_GROUNDS} --trials 100 --seed 1"
 _BOTH = "--algorithm forest-pledge,retry-pledge --trials 1000"
+_MUJOCO = (
+    "sim --physics mujoco --rover forestrover --seed 6 --spl --algorithm forest-pledge,retry-pledge --trials 200 "
+    "--budget-m 400 --set sim.friction"
+)
 _ANGLE = "sweep escape.turn_angle_deg"
 _SOURCES = (
     "sweep anomaly_source=motion,wheels,current,wheels+current --algorithm retry-pledge --trials 200 --seed 48 --spl "
@@ -64,6 +68,9 @@ CAMPAIGNS: Mapping[str, str] = {
     "angle-2": f"{_ANGLE}=10,30,50,90,180 --trials 500 --forests reference --spl --slip-mean-m 2",
     "sources-litter": f"{_SOURCES} leaf-litter",
     "sources-soil": f"{_SOURCES} dry-soil",
+    "mujoco-mud": f"{_MUJOCO}=0.15",
+    "mujoco-litter": f"{_MUJOCO}=0.4",
+    "mujoco-soil": f"{_MUJOCO}=0.65",
 }
 """The arguments of ``wayfarer`` by the campaign's name, in the order of running. Of several seeds each is run apart."""
 

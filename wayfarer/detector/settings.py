@@ -39,7 +39,7 @@ class DetectorSettings:
     it. Of a Pololu 37D of 12 V it is 5.5 A each (data sheet)."""
     gain_m_s2: Annotated[float, Interval(ge=0.01, le=20)] = 0.5
     """How fast this body gains or loses speed on the most slippery ground that it meets: a friction of 0.05, half of
-    that of mud; from no measurement. It limits what a body that starts, coasts or turns can do."""
+    that of mud; chosen by us, not measured. It limits what a body that starts, coasts or turns can do."""
 
     # -- tilt -------------------------------------------------------------------------------------------------------
 

@@ -33,7 +33,7 @@ WITNESSES: Final[Mapping[str, Witness]] = {
     ),
     "contact": Witness(
         "contact",
-        "a switch is pressed: an anomaly of its own, whatever the others report",
+        "a switch is pressed: an anomaly by itself, also if the others see motion",
         "never",
         "no switch is pressed",
         "slips, and what the switches do not cover",

@@ -128,7 +128,7 @@ class TrialCounters(RunLog):
     """A run log that counts and keeps nothing.
 
     ``finish`` is called when the rover has disarmed itself: nobody is there to arm it again, so the trial is over. With
-    ``ends_lost`` it is also over when the rover begins its first rest: it has climbed the whole ladder
+    ``ends_lost`` it is also over when the rover begins its first rest: it has tried the whole ladder
     (``escape.recovery``) without progress.
     """
 
@@ -145,7 +145,7 @@ class TrialCounters(RunLog):
         """Count the tick, and each phase that an anomaly began."""
         self.ticks += 1
         if self._ends_lost and record.conditions and _RESTING in record.conditions:
-            self.finish(LOST, "climbed the whole ladder without progress")
+            self.finish(LOST, "tried the whole ladder without progress")
         phase = record.decision.phase
         if phase is not self._phase:
             self._count(phase)

@@ -85,7 +85,7 @@ class CampaignSettings:
     spl: bool = False
     """Compute unknown shortest paths, for SPL (success weighted by path length); slower."""
     go_on: bool = False
-    """Let a rover in a forest that has climbed the whole ladder without progress rest and try again, as on a mission
+    """Let a rover in a forest that has tried the whole ladder without progress rest and try again, as on a mission
     and at a site; slower. Without it its trial ends there, entrapped."""
     version: str = __version__
     """Of the software: not asked for, but kept with the results."""
