@@ -81,6 +81,16 @@ async def test_stick_that_is_held_from_the_beginning_drives_only_once_it_was_let
     assert bench.wheels != STOP
 
 
+async def test_hand_that_let_go_and_pressed_again_within_one_tick_drives() -> None:
+    bench = Bench()
+    await bench.tick()
+    bench.controller.begin_manual(bench.t_s, 7, "page")
+    driver = Driver(bench)
+    assert driver.send(0.0) == ""  # a finger that touches, and is dragged before the next tick
+    await driver.drive(1.0)
+    assert bench.wheels != STOP
+
+
 async def test_lost_compass_keeps_nobody_from_driving_but_a_rover_on_its_roof_does() -> None:
     driver = await driven()
     for _ in range(200):

@@ -75,6 +75,8 @@ class ManualControl:
         if self.sample is not None and seq <= self.sample.seq:
             return f"sample {seq} came after sample {self.sample.seq}: it is a repetition, or out of order"
         self.sample = ManualSample(seq, forward, turn, min(sent_s, now_s))
+        if forward == turn == 0.0:  # noted here: a newer sample may replace it before the next tick
+            self._let_go = True
         return ""
 
     def is_silent(self, t_s: float) -> bool:
@@ -85,11 +87,8 @@ class ManualControl:
     def wanted(self, t_s: float) -> tuple[float, float]:
         """Return forward and turn of a tick, both 0 if nothing is asked for; see ``ManualSample``."""
         sample = self.sample
-        if sample is None or not t_s - sample.sent_s <= self._deadman_s:
+        if sample is None or not t_s - sample.sent_s <= self._deadman_s or sample.forward == sample.turn == 0.0:
             self.why = "nothing is pressed"
-            return 0.0, 0.0
-        if sample.forward == 0.0 and sample.turn == 0.0:
-            self._let_go, self.why = True, "nothing is pressed"
             return 0.0, 0.0
         if not self._let_go:
             self.why = "let go of keys and stick first"
