@@ -73,8 +73,11 @@ class Driver:
         return self.daemon.ask("status")["wheels"]
 
     def turn(self, how: Callable[[float, float], bool] = lambda left, right: bool(left or right)) -> None:
-        """Wait until the wheels turn, in a certain way."""
-        poll(lambda: how(*self.wheels()), 3.0)
+        """Wait until the wheels turn, in a certain way; if they do not, the page says why."""
+        try:
+            poll(lambda: how(*self.wheels()), 3.0)
+        except AssertionError:
+            pytest.fail(f"the page: {self.page.locator('#link').inner_text()!r}, the rover: {self.daemon.ask('status')}")
 
     def stand(self) -> float:
         """Wait until the wheels are stopped, and return how long that took, in seconds."""
