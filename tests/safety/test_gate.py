@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayfarer.hal import STOP, WheelCommand
-from wayfarer.safety.conditions import LEVELS, Condition, Level, worst
+from wayfarer.safety.conditions import DUTY_SHARES, LEVELS, Condition, Level, worst
 from wayfarer.safety.gate import Gate
 from wayfarer.safety.settings import SafetySettings
 
@@ -20,7 +20,7 @@ LOW_VOLTAGE_SHARE = 0.7  # fault catalogue, fault 32
 BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
 STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
 SUPPLY = {Condition.UNDERVOLTAGE: LOW_VOLTAGE_SHARE, Condition.POWER_UNSTABLE: 0.5}
-HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each not in SUPPLY]
+HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if DUTY_SHARES[each] == 1.0]
 DUTIES = st.floats(-1.5, 1.5) | st.sampled_from([0.0, nan, inf, -inf])
 COMMANDS = st.builds(WheelCommand, DUTIES, DUTIES)
 CONDITIONS = st.lists(st.sampled_from(Condition), max_size=2).map(tuple)
