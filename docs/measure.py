@@ -17,6 +17,7 @@ import sys
 from argparse import ArgumentParser
 from collections.abc import Iterable, Mapping
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -31,11 +32,12 @@ FIRST = 3  # trials of each row that ``--check`` computes again
 
 _SITE = "--algorithm forest-pledge,levy-walk,retry-pledge --trials 100 --seed 1,2,3,4 --spl"  # 400 layouts
 _CHALLENGE = "--algorithm forest-pledge,retry-pledge --trials 20"
+_DEAD_SIDE = "sim --rover forestrover --forests reference --trials 30 --fault drive@10 --ground"
 _GROUNDS = "sweep ground=ideal,leaf-litter,dry-soil,mud"
 _SLIPPERY = f"{_GROUNDS} --trials 100 --seed 1"
 _BOTH = "--algorithm forest-pledge,retry-pledge --trials 1000"
 _MUJOCO = (
-    "sim --physics mujoco --rover forestrover --seed 6 --spl --algorithm forest-pledge,retry-pledge --trials 200 "
+    "sim --physics mujoco --rover forestrover --seed 6 --spl --algorithm forest-pledge,retry-pledge --trials 100 "
     "--budget-m 400 --set sim.friction"
 )
 _ANGLE = "sweep escape.turn_angle_deg"
@@ -68,6 +70,9 @@ CAMPAIGNS: Mapping[str, str] = {
     "angle-2": f"{_ANGLE}=10,30,50,90,180 --trials 500 --forests reference --spl --slip-mean-m 2",
     "sources-litter": f"{_SOURCES} leaf-litter",
     "sources-soil": f"{_SOURCES} dry-soil",
+    "dead-side-ideal": f"{_DEAD_SIDE} ideal",
+    "dead-side-litter": f"{_DEAD_SIDE} leaf-litter",
+    "dead-side-soil": f"{_DEAD_SIDE} dry-soil",
     "mujoco-mud": f"{_MUJOCO}=0.15",
     "mujoco-litter": f"{_MUJOCO}=0.4",
     "mujoco-soil": f"{_MUJOCO}=0.65",
@@ -174,6 +179,9 @@ def check(names: Iterable[str], code: str) -> int:
         write_held_out(folder)
         for name in names:
             part = Measured(folder, name, CAMPAIGNS[name], FIRST).parts[0]
+            if "mujoco" in part.words and not find_spec("mujoco"):
+                print(f"{name}: left out, MuJoCo is not installed: pip install 'wayfarer-rover[physics]'", flush=True)
+                continue
             words = [word for word in part.words if word != "--spl"]
             _wayfarer(folder, [*words, "--out", part.results.name, "--json"])
             same = digest(part.results / "trials.csv") == kept.get(name)

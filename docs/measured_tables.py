@@ -145,31 +145,37 @@ def points(campaign: Measured) -> Lines:
             yield [name, *cells][first:]
 
 
-def limits(campaign: Measured) -> Lines:
+def limits(campaigns: Sequence[Measured]) -> Lines:
     """Yield the successes in per cent for other time limits."""
-    yield ["algorithm", *(f"{limit_s} s" for limit_s in LIMITS_S)]
-    for name, rows in campaign.open().by_algorithm.items():
-        times_s = [row.time_s for row in rows if row.outcome in SUCCESSES and row.time_s is not None]
-        yield [name, *(f"{100 * sum(t_s <= limit_s for t_s in times_s) / len(rows):.0f}" for limit_s in LIMITS_S)]
+    yield ["campaign", "algorithm", *(f"{limit_s} s" for limit_s in LIMITS_S)]
+    for campaign in campaigns:
+        for name, rows in campaign.open().by_algorithm.items():
+            times_s = [row.time_s for row in rows if row.outcome in SUCCESSES and row.time_s is not None]
+            shares = [100 * sum(t_s <= limit_s for t_s in times_s) / len(rows) for limit_s in LIMITS_S]
+            yield [campaign.name, name, *(f"{share:.0f}" for share in shares)]
 
 
-def seeds(campaign: Measured) -> Lines:
-    """Yield the successes in per cent with each seed, which draws other layouts."""
-    found = [Results.open(part.results).by_algorithm for part in campaign.parts]
-    yield ["algorithm", *(f"seed {seed}" for seed in campaign.seeds)]
-    for name in found[0]:
-        shares = [100 * sum(row.outcome in SUCCESSES for row in each[name]) / len(each[name]) for each in found]
-        yield [name, *(f"{share:.1f}" for share in shares)]
+def seeds(campaigns: Sequence[Measured]) -> Lines:
+    """Yield the successes in per cent with each seed, which draws other layouts; all campaigns have the same seeds."""
+    yield ["campaign", "algorithm", *(f"seed {seed}" for seed in campaigns[0].seeds)]
+    for campaign in campaigns:
+        found = [Results.open(part.results).by_algorithm for part in campaign.parts]
+        for name in found[0]:
+            shares = [100 * sum(row.outcome in SUCCESSES for row in each[name]) / len(each[name]) for each in found]
+            yield [campaign.name, name, *(f"{share:.1f}" for share in shares)]
 
 
-TIMES = "times"  # one table of all its campaigns; the other kinds have a table for each
-KINDS: Mapping[str, Callable[[Measured], Lines]] = {
-    "outcomes": outcomes,
-    "gains": gains,
-    "points": points,
-    "limits": limits,
-    "seeds": seeds,
-}
+def times(campaigns: Sequence[Measured]) -> Lines:
+    """Yield how long each campaign took."""
+    yield ["campaign", "command", "time"]
+    for each in campaigns:
+        yield [each.name, f"`{each.arguments}`", each.took]
+
+
+KINDS: Mapping[str, Callable[[Measured], Lines]] = {"outcomes": outcomes, "gains": gains, "points": points}
+"""Those with a table for each campaign."""
+TOGETHER: Mapping[str, Callable[[Sequence[Measured]], Lines]] = {"limits": limits, "seeds": seeds, "times": times}
+"""Those with one table of all their campaigns, each of which has a table of its own elsewhere."""
 
 
 def markdown(lines: Iterable[Sequence[str]]) -> Iterator[str]:
@@ -198,16 +204,9 @@ def _written(finished: Mapping[str, Measured], place: re.Match[str]) -> str:
     if not set(names) <= set(finished):
         return place[0]
     campaigns = [finished[name] for name in names]
-    if place["kind"] == TIMES:
-        blocks = ["\n".join(markdown(times(campaigns)))]
+    if together := TOGETHER.get(place["kind"]):
+        blocks = ["\n".join(markdown(together(campaigns)))]
     else:
         table = KINDS[place["kind"]]
         blocks = ["\n".join([each.caption, "", *markdown(table(each))]) for each in campaigns]
     return "\n\n".join([f"<!-- measured {place['kind']}: {place['names']} -->", *blocks, "<!-- end of measured -->"])
-
-
-def times(campaigns: Iterable[Measured]) -> Lines:
-    """Yield how long each campaign took."""
-    yield ["campaign", "command", "time"]
-    for each in campaigns:
-        yield [each.name, f"`{each.arguments}`", each.took]

@@ -11,7 +11,7 @@ import click
 import pytest
 
 from docs import measure
-from docs.measured_tables import KINDS, PLACE, TIMES, Measured, write_pages
+from docs.measured_tables import KINDS, PLACE, TOGETHER, Measured, write_pages
 from docs.trial_code import RUNS, code_of
 from tests.conftest import Run
 from tests.docs.pages import ROOT
@@ -27,11 +27,11 @@ PAGE = "# Results\n\n<!-- measured {} -->\n\n| old | 1 |\n\n<!-- end of measured
 
 def test_every_campaign_has_a_place_that_fits_it_and_its_time_beside_its_name() -> None:
     kinds = {(name, place["kind"]) for place in PLACES for name in place["names"].split()}
-    assert {name for name, kind in kinds if kind == TIMES} == set(measure.CAMPAIGNS)
-    assert {name for name, kind in kinds if kind != TIMES} == set(measure.CAMPAIGNS)
-    for name, kind in kinds - {(name, TIMES) for name in measure.CAMPAIGNS}:
-        assert kind in KINDS
-        assert (kind == "points") == measure.CAMPAIGNS[name].startswith("sweep ")
+    assert {name for name, kind in kinds if kind == "times"} == set(measure.CAMPAIGNS)
+    assert {name for name, kind in kinds if kind in KINDS} == set(measure.CAMPAIGNS)
+    for name, kind in kinds:
+        assert kind in {**KINDS, **TOGETHER}
+        assert kind == "times" or (kind == "points") == measure.CAMPAIGNS[name].startswith("sweep ")
 
 
 def test_all_tables_in_the_pages_are_measured_of_one_version_and_of_these_campaigns() -> None:
@@ -39,7 +39,7 @@ def test_all_tables_in_the_pages_are_measured_of_one_version_and_of_these_campai
     for place in PLACES:
         found = CAPTION.findall(place["content"])
         names = place["names"].split()
-        if place["kind"] != TIMES:
+        if place["kind"] in KINDS:
             commands = [f"wayfarer {' '.join(Measured(ROOT, n, measure.CAMPAIGNS[n]).parts[0].words)}" for n in names]
             assert [command for command, _ in found] == commands, "none is missing, none is another one"
         captions += found
@@ -115,9 +115,7 @@ def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             "sim --algorithm pledge --trials 9",
             "| pledge | 100.0 [51.0, 100.0] | 0.0 | 0.0 |",
         ),
-        ("seeds", "sim --algorithm pledge --trials 9 --seed 1,2", "| pledge | 100.0 | 100.0 |"),
         ("outcomes", "sim --algorithm pledge --trials 9 --seed 1,2", "| pledge | 100.0 [67.6, 100.0] | 0.0 | 0.0 |"),
-        ("limits", "sim --algorithm pledge,levy-walk --trials 9", "| levy-walk | 25 | 50 | 75 | 100 |"),
         ("gains", "sim --algorithm forest-pledge,pledge --trials 9", "| pledge | 0, at most 75.0 | +0.0 |"),
         ("points", "sweep slip_mean_m=2,10 --trials 9", "| 10 | 100.0 [51.0, 100.0] | 0.750"),
     ],
@@ -143,3 +141,24 @@ def test_place_gets_the_whole_table_with_command_and_version(
     assert [*write_pages(tmp_path, {"one": campaign})] == [], "the same again"
     lines = [line for line in text.splitlines() if line.startswith("|")]
     assert len({line.replace("\\|", "").count("|") for line in lines}) == 1, "each row has all columns"
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows"),
+    [
+        ("seeds", "| one | pledge | 100.0 | 100.0 |\n| two | pledge | 100.0 | 100.0 |"),
+        ("limits", "| one | pledge | 25 | 50 | 75 | 100 |\n| two | pledge | 25 | 50 | 75 | 100 |"),
+        ("times", "| one | `sim --algorithm pledge --trials 4 --seed 1,2` | 0.0 min of CPU |\n| two | "),
+    ],
+)
+def test_place_gets_one_table_of_all_its_campaigns(
+    tmp_path: Path, installed: list[list[str]], kind: str, rows: str
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(PAGE.format(f"{kind}: one two"), encoding="utf-8")
+    campaigns = {name: Measured(tmp_path, name, "sim --algorithm pledge --trials 4 --seed 1,2") for name in ("one", "two")}
+    for campaign in campaigns.values():
+        measure.run(campaign, jobs=1)
+    assert len(installed) == 4
+    assert [*write_pages(tmp_path, campaigns)] == [page]
+    assert f"|\n{rows}" in page.read_text(encoding="utf-8")
