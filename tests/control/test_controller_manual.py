@@ -81,14 +81,30 @@ async def test_stick_that_is_held_from_the_beginning_drives_only_once_it_was_let
     assert bench.wheels != STOP
 
 
-async def test_hand_that_let_go_and_pressed_again_within_one_tick_drives() -> None:
+async def test_hand_that_let_go_and_pressed_again_within_one_tick_drives_from_the_next_sample_on() -> None:
     bench = Bench()
     await bench.tick()
     bench.controller.begin_manual(bench.t_s, 7, "page")
     driver = Driver(bench)
-    assert driver.send(0.0) == ""  # a finger that touches, and is dragged before the next tick
+    for forward in (1.0, 0.0, 0.5):  # a finger that touches, and is dragged before the next tick
+        assert driver.send(forward) == ""
+    await driver.drive(1.0)
+    assert bench.wheels == STOP
     await driver.drive(1.0)
     assert bench.wheels != STOP
+
+
+async def test_hand_that_let_go_and_pressed_again_while_the_gate_held_does_not_drive() -> None:
+    driver = await driven()
+    driver.send(1.0)
+    driver.send(0.0)
+    driver.send(1.0)
+    await driver.bench.tick(dt_s=0.4)  # late: the gate holds
+    await driver.drive(1.0, ticks=5)
+    assert driver.bench.wheels == STOP
+    await driver.drive(0.0)
+    await driver.drive(1.0)
+    assert driver.bench.wheels != STOP
 
 
 async def test_lost_compass_keeps_nobody_from_driving_but_a_rover_on_its_roof_does() -> None:

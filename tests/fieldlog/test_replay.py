@@ -328,12 +328,14 @@ class Trouble:
 
 
 async def drive_by_hand(controller: Controller, for_s: float) -> None:
-    """A person begins, drives back, turns and lets go, over a link that loses some of it."""
+    """A person begins, drives back, turns, lets go and presses at once, over a link that loses some of it."""
     now = asyncio.get_running_loop().time
     controller.begin_manual(now(), 7, "keys")
-    for seq in range(round(for_s / 0.07)):
+    for seq in range(0, 2 * round(for_s / 0.07), 2):
+        if seq % 11 == 0:
+            controller.manual.take(now(), ManualSample(seq, 0.0, 0.0, now()))
         if seq % 11 < 8:
-            controller.manual.take(now(), ManualSample(seq, min(seq % 11, 1) / -2, seq % 3 / 4, now()))
+            controller.manual.take(now(), ManualSample(seq + 1, min(seq % 11, 1) / -2, seq % 3 / 4, now()))
         await asyncio.sleep(0.07)
 
 

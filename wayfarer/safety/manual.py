@@ -45,14 +45,14 @@ class ManualControl:
         self._deadman_s = settings.deadman_s
         self._lease = 0
         self._since_s = 0.0
-        self._let_go = False
+        self._let_go = self._is_new_release = False
         self.driver = self.why = ""
         self.sample: ManualSample | None = None
 
     def begin(self, t_s: float, lease: int, driver: str) -> None:
         """Give the lease, a number that nobody can guess, to a client."""
         self._lease, self.driver, self._since_s = lease, driver, t_s
-        self.sample = None
+        self.sample, self._is_new_release = None, False
         self.must_let_go()
 
     def must_let_go(self) -> None:
@@ -64,7 +64,11 @@ class ManualControl:
         return lease == self._lease
 
     def take(self, now_s: float, sample: ManualSample) -> str:
-        """Take a sample of the client that drives; return why it is refused, and has no effect, or an empty text."""
+        """Take a sample of the client that drives; return why it is refused, and has no effect, or an empty text.
+
+        If keys and stick must be let go, a release stays the newest sample until a tick has seen it: what is pressed in
+        between counts from the next sample on. So the sample of each tick, which is in the log, is all that a replay needs.
+        """
         seq, forward, turn, sent_s = sample
         if not (abs(forward) <= 1.0 and abs(turn) <= 1.0):  # written so that NaN is refused
             return "forward and turn must be numbers from -1 to 1"
@@ -74,9 +78,10 @@ class ManualControl:
             return f"a sample of {now_s - sent_s:.2f} s ago: at most {self._deadman_s:g} s are allowed"
         if self.sample is not None and seq <= self.sample.seq:
             return f"sample {seq} came after sample {self.sample.seq}: it is a repetition, or out of order"
+        if self._is_new_release and not self._let_go:
+            forward = turn = 0.0
+        self._is_new_release = forward == turn == 0.0
         self.sample = ManualSample(seq, forward, turn, min(sent_s, now_s))
-        if forward == turn == 0.0:  # noted here: a newer sample may replace it before the next tick
-            self._let_go = True
         return ""
 
     def is_silent(self, t_s: float) -> bool:
@@ -87,8 +92,12 @@ class ManualControl:
     def wanted(self, t_s: float) -> tuple[float, float]:
         """Return forward and turn of a tick, both 0 if nothing is asked for; see ``ManualSample``."""
         sample = self.sample
-        if sample is None or not t_s - sample.sent_s <= self._deadman_s or sample.forward == sample.turn == 0.0:
+        self._is_new_release = False
+        if sample is None or not t_s - sample.sent_s <= self._deadman_s:
             self.why = "nothing is pressed"
+            return 0.0, 0.0
+        if sample.forward == 0.0 and sample.turn == 0.0:
+            self._let_go, self.why = True, "nothing is pressed"
             return 0.0, 0.0
         if not self._let_go:
             self.why = "let go of keys and stick first"
