@@ -4,20 +4,22 @@ It runs the ``wayfarer`` that this Python has installed, each campaign into a fo
 into the pages (``measured_tables``). What is finished is not run again, and what was interrupted goes on. A table's
 version is the checksum of the code that a trial runs, so a changed page or command makes no table old.
 
-``--check`` computes the first three trials of each row of each table again, and compares bytes with those that were
-measured: ``docs/measured.json`` has their checksums. ``.ci/run`` does that.
+``--check`` computes the first three trials of each row of each table again, with each seed, and compares bytes with
+those that were measured: ``docs/measured.json`` has their checksums. ``.ci/run`` does that.
 """
 
 from __future__ import annotations
 
+import csv
 import json
+import platform
 import signal
 import subprocess
 import sys
 from argparse import ArgumentParser
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
-from importlib.util import find_spec
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -85,7 +87,7 @@ def main() -> int:
     parser = ArgumentParser(prog="python -m docs.measure", description="Measure the tables of results again.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"campaigns (default: all): {', '.join(CAMPAIGNS)}")
     parser.add_argument("--check", action="store_true", help="compare the first trials with those of the tables")
-    parser.add_argument("--trials", type=int, metavar="N", help="trials of each row, in place of the campaign's own")
+    parser.add_argument("--trials", type=int, metavar="N", help="a try: trials of each row, and no page is written")
     parser.add_argument("--jobs", type=int, metavar="N", help="number of processes (default: one per core)")
     parser.add_argument("--out", type=Path, default=ROOT / "measured", metavar="DIR", help="folder of the results")
     asked = parser.parse_args()
@@ -108,8 +110,8 @@ def main() -> int:
     finished = {name: each for name, each in campaigns.items() if each.finished}
     if asked.trials is None:
         keep_first_rows(finished)
-    for page in write_pages(ROOT / "docs", finished):
-        print(page)
+        for page in write_pages(ROOT / "docs", finished):
+            print(page)
     return ended
 
 
@@ -154,41 +156,67 @@ KEPT = Path(__file__).with_name("measured.json")
 def keep_first_rows(finished: Mapping[str, Measured]) -> None:
     """Keep the checksums of the first rows of these campaigns, for ``check``; those of others stay."""
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    kept |= {name: digest(each.parts[0].results / "trials.csv") for name, each in finished.items()}
+    kept |= {name: _kept(each) for name, each in finished.items()}
     kept = {name: kept[name] for name in CAMPAIGNS if name in kept}
     KEPT.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
-def digest(trials: Path) -> str:
-    """Return a checksum of the first trials of each row of a table, without the shortest paths.
+def _kept(campaign: Measured) -> dict[str, str | None]:
+    with (campaign.parts[0].results / "trials.csv").open(encoding="utf-8", newline="") as file:
+        columns = [name for name in next(csv.reader(file)) if name not in {"shortest_path_m", "spl"}]
+    return {"columns": ",".join(columns), "digest": digest(campaign, columns), "engine": engine_of(campaign)}
 
-    Those need an extra, and depend on the layout only.
+
+def digest(campaign: Measured, columns: Sequence[str]) -> str:
+    """Return a checksum of the first trials of each row of its table, with each seed.
+
+    ``columns`` are those that count: a column that is new since makes no table old. Shortest paths need an extra, and
+    depend on the layout only.
     """
-    lines = [line.split(",") for line in trials.read_text(encoding="utf-8").splitlines()]
-    number = lines[0].index("trial")
-    kept = [at for at, name in enumerate(lines[0]) if name not in {"shortest_path_m", "spl"}]
-    first = [line for line in lines[1:] if int(line[number]) < FIRST]
-    return sha256("\n".join(",".join(line[at] for at in kept) for line in first).encode()).hexdigest()[:16]
+    made = sha256()
+    for part in campaign.parts:
+        with (part.results / "trials.csv").open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                if int(row["trial"]) < FIRST:
+                    made.update((",".join(row.get(name, "?") for name in columns) + "\n").encode())
+    return made.hexdigest()[:16]
+
+
+def engine_of(campaign: Measured) -> str | None:
+    """Return which MuJoCo a campaign uses, whose bytes may differ from those of others: "" if none is installed."""
+    if "mujoco" not in campaign.words:
+        return None
+    try:
+        return f"MuJoCo {version('mujoco')} on {platform.machine()}"
+    except PackageNotFoundError:
+        return ""
 
 
 def check(names: Iterable[str], code: str) -> int:
     """Compute the first trials of these tables again, say which have changed, and return the exit code."""
-    kept, changed = json.loads(KEPT.read_text(encoding="utf-8")), 0
+    kept = json.loads(KEPT.read_text(encoding="utf-8"))
     with TemporaryDirectory() as made:
         folder = Path(made)
         write_held_out(folder)
-        for name in names:
-            part = Measured(folder, name, CAMPAIGNS[name], FIRST).parts[0]
-            if "mujoco" in part.words and not find_spec("mujoco"):
-                print(f"{name}: left out, MuJoCo is not installed: pip install 'wayfarer-rover[physics]'", flush=True)
-                continue
-            words = [word for word in part.words if word != "--spl"]
-            _wayfarer(folder, [*words, "--out", part.results.name, "--json"])
-            same = digest(part.results / "trials.csv") == kept.get(name)
-            print(f"{name}: {'the same bytes' if same else 'CHANGED: measure all tables again'}", flush=True)
-            changed += not same
+        old = [name for name in names if not _same(Measured(folder, name, CAMPAIGNS[name], FIRST), kept.get(name))]
     print(f"the code of a trial here: {code}")
-    return int(changed > 0)
+    return int(bool(old))
+
+
+def _same(campaign: Measured, before: Mapping[str, str] | None) -> bool:
+    """Say whether the first trials of a table have the bytes that were kept, and return False if not."""
+    if before is None:
+        print(f"{campaign.name}: NEVER MEASURED", flush=True)
+        return False
+    if before["engine"] != (engine := engine_of(campaign)):
+        print(f"{campaign.name}: left out: measured with {before['engine']}, here is {engine or 'none'}", flush=True)
+        return True
+    for part in campaign.parts:
+        words = [word for word in part.words if word != "--spl"]
+        _wayfarer(campaign.folder, [*words, "--out", part.results.name, "--json"])
+    same = digest(campaign, before["columns"].split(",")) == before["digest"]
+    print(f"{campaign.name}: {'the same bytes' if same else 'CHANGED: measure all tables again'}", flush=True)
+    return same
 
 
 if __name__ == "__main__":

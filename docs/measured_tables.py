@@ -205,7 +205,7 @@ def _written(finished: Mapping[str, Measured], place: re.Match[str]) -> str:
         return place[0]
     campaigns = [finished[name] for name in names]
     if together := TOGETHER.get(place["kind"]):
-        blocks = ["\n".join(markdown(together(campaigns)))]
+        blocks = [f"Of all these trials (code {campaigns[0].folder.name}):", "\n".join(markdown(together(campaigns)))]
     else:
         table = KINDS[place["kind"]]
         blocks = ["\n".join([each.caption, "", *markdown(table(each))]) for each in campaigns]

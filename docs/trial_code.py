@@ -9,15 +9,22 @@ from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 
-# What decides the bytes of ``trials.csv`` at device depth, below the package: decisions, the loop, the world, the
-# rovers. Not there: drivers and chips, logs, pages, commands.
-RUNS = (
-    *("angles.py", "readings.py", "setting_ranges.py", "hal.py", "rovers/*.toml"),
-    *(f"{package}/*.py" for package in ("escape", "safety", "detector", "control", "config")),
-    *(f"simhal/{name}.py" for name in ("parts", "random_streams", "sensor_models", "build_rover")),
-    *(f"simhal/{package}/*.py" for package in ("clock", "world", "mujoco")),
-    *(f"experiments/{name}.py" for name in ("outcome", "keys", "trial", "trial_setup")),
+# What decides no byte of ``trials.csv`` at device depth, below the package: how trials are spread over processes,
+# written and shown, the daemon, people, and what only bus depth uses. All else counts, with rovers and forests.
+NOT_RUN = (
+    *("api", "cli", "commissioning", "daemon", "export", "fieldlog", "gym", "logview", "remote", "reports", "testing"),
+    *("simhal/chips", "simhal/buses.py", "simhal/pins.py", "simhal/register_chip.py"),
+    *(
+        f"experiments/{name}.py"
+        for name in (
+            *("checks", "dask_cluster", "measures", "paper", "pool", "provenance", "recorded", "results", "run"),
+            *("tables", "trial_log"),
+        )
+    ),
+    *("__init__.py", "__main__.py", "demo.py", "errors.py", "extras.py", "files.py", "run_sim.py", "version.py"),
+    *("vocabulary.py", "waiting_thread.py"),
 )
+COUNTED = ("**/*.py", "rovers/*.toml", "simhal/world/*.gz")
 
 
 def code_of(package: Path) -> str:
@@ -26,9 +33,12 @@ def code_of(package: Path) -> str:
     It is the same for any Python. Comments, docstrings and blank lines do not count.
     """
     made = sha256()
-    for path in sorted(path for pattern in RUNS for path in package.glob(pattern)):
-        text = path.read_text(encoding="utf-8")
-        made.update(f"{path.relative_to(package)}\n{code_lines(text) if path.suffix == '.py' else text}\n".encode())
+    for path in sorted(path for pattern in COUNTED for path in package.glob(pattern)):
+        name = path.relative_to(package).as_posix()
+        if not any(name == left_out or name.startswith(f"{left_out}/") for left_out in NOT_RUN):
+            content = path.read_bytes()
+            made.update(f"{name}\n".encode())
+            made.update(code_lines(content.decode()).encode() if path.suffix == ".py" else content)
     return made.hexdigest()[:10]
 
 

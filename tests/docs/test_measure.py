@@ -12,7 +12,7 @@ import pytest
 
 from docs import measure
 from docs.measured_tables import KINDS, PLACE, TOGETHER, Measured, write_pages
-from docs.trial_code import RUNS, code_of
+from docs.trial_code import NOT_RUN, code_of
 from tests.conftest import Run
 from tests.docs.pages import ROOT
 from tests.docs.test_commands import command_of
@@ -35,15 +35,16 @@ def test_every_campaign_has_a_place_that_fits_it_and_its_time_beside_its_name() 
 
 
 def test_all_tables_in_the_pages_are_measured_of_one_version_and_of_these_campaigns() -> None:
-    captions = []
+    versions: set[str] = set()
     for place in PLACES:
-        found = CAPTION.findall(place["content"])
-        names = place["names"].split()
         if place["kind"] in KINDS:
+            found, names = CAPTION.findall(place["content"]), place["names"].split()
             commands = [f"wayfarer {' '.join(Measured(ROOT, n, measure.CAMPAIGNS[n]).parts[0].words)}" for n in names]
             assert [command for command, _ in found] == commands, "none is missing, none is another one"
-        captions += found
-    assert len({version for _, version in captions}) == 1
+        else:
+            assert place["content"].count("(code ") == 1
+        versions |= {*re.findall(r"\(code (\w+)", place["content"])}
+    assert len(versions) == 1
 
 
 @pytest.mark.parametrize("name", measure.CAMPAIGNS)
@@ -72,9 +73,19 @@ def test_version_of_a_table_changes_with_code_and_not_with_words_about_it(tmp_pa
     assert version(said.replace("return", "return  # no more\n    yield")) != plain
 
 
-def test_every_place_of_the_code_that_a_trial_runs_is_there() -> None:
-    """A module that moves does not leave the version silently."""
-    assert [pattern for pattern in RUNS if not [*(ROOT / "wayfarer").glob(pattern)]] == []
+def test_everything_that_is_left_out_of_the_version_is_there() -> None:
+    assert [name for name in NOT_RUN if not (ROOT / "wayfarer" / name).exists()] == []
+
+
+@pytest.mark.parametrize("left_out", ["daemon/daemon.py", "files.py", "simhal/chips/pmw3901.py"])
+@pytest.mark.parametrize("counted", ["drivers/pmw3901.py", "experiments/rows.py", "simhal/faults/world.py", "new.py"])
+def test_version_counts_all_but_what_decides_nothing(tmp_path: Path, left_out: str, counted: str) -> None:
+    versions = [code_of(tmp_path)]
+    for name in (left_out, counted):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("x = 1\n", encoding="utf-8")
+        versions.append(code_of(tmp_path))
+    assert versions[0] == versions[1] != versions[2]
 
 
 def test_held_out_forests_are_those_of_odd_layouts(tmp_path: Path) -> None:
@@ -97,7 +108,7 @@ def installed(run: Run, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     def in_this_process(folder: Path, arguments: Iterable[str]) -> str:
         asked.append([*arguments])
         monkeypatch.chdir(folder)
-        code, out, _ = run(*asked[-1])
+        code, out, _ = run(*asked[-1], *([] if "--jobs" in asked[-1] else ["--jobs", "1"]))
         if code:
             raise subprocess.CalledProcessError(code, "wayfarer")
         return out
@@ -156,9 +167,61 @@ def test_place_gets_one_table_of_all_its_campaigns(
 ) -> None:
     page = tmp_path / "page.md"
     page.write_text(PAGE.format(f"{kind}: one two"), encoding="utf-8")
-    campaigns = {name: Measured(tmp_path, name, "sim --algorithm pledge --trials 4 --seed 1,2") for name in ("one", "two")}
+    campaigns = {
+        name: Measured(tmp_path, name, "sim --algorithm pledge --trials 4 --seed 1,2") for name in ("one", "two")
+    }
     for campaign in campaigns.values():
         measure.run(campaign, jobs=1)
     assert len(installed) == 4
     assert [*write_pages(tmp_path, campaigns)] == [page]
-    assert f"|\n{rows}" in page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    assert f"|\n{rows}" in text
+    assert text.count(f"(code {tmp_path.name})") == 1
+
+
+@pytest.fixture
+def measured(tmp_path: Path, installed: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two campaigns of which one is measured, with two seeds."""
+    arguments = "sim --algorithm pledge,levy-walk --trials 4 --seed 1,2"
+    monkeypatch.setattr(measure, "CAMPAIGNS", {"one": arguments, "new": arguments})
+    monkeypatch.setattr(measure, "KEPT", tmp_path / "measured.json")
+    campaign = Measured(tmp_path, "one", arguments)
+    measure.run(campaign, jobs=1)
+    measure.keep_first_rows({"one": campaign})
+
+
+@pytest.mark.usefixtures("measured")
+def test_check_of_a_table_whose_first_rows_are_the_same_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert measure.check(["one"], "abc") == 0
+    assert "one: the same bytes\n" in capsys.readouterr().out
+    assert measure.check(["new"], "abc") == 1
+    assert "new: NEVER MEASURED\n" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("measured")
+@pytest.mark.parametrize(
+    ("trial", "algorithm", "changed"), [(2, "levy-walk", True), (0, "pledge", True), (3, "pledge", False)]
+)
+def test_check_finds_one_number_that_has_changed_in_the_first_three_trials_of_any_row(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], trial: int, algorithm: str, changed: bool
+) -> None:
+    def otherwise(*arguments: object) -> TrialResult:
+        result = out_after_minutes(*arguments)
+        is_it = (result.trial, result.algorithm) == (trial, algorithm)
+        return result._replace(path_m=50.001) if is_it else result
+
+    monkeypatch.setattr("wayfarer.experiments.trial.run_trial", otherwise)
+    assert measure.check(["one"], "abc") == changed
+    assert ("CHANGED" in capsys.readouterr().out) is changed
+
+
+def test_table_of_another_mujoco_is_left_out(
+    installed: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(measure, "CAMPAIGNS", {"one": "sim --physics mujoco --trials 3"})
+    monkeypatch.setattr(measure, "KEPT", tmp_path / "measured.json")
+    kept = '{"one": {"columns": "trial", "digest": "0", "engine": "MuJoCo 1.2 on vax"}}'
+    measure.KEPT.write_text(kept, encoding="utf-8")
+    assert measure.check(["one"], "abc") == 0
+    assert "one: left out: measured with MuJoCo 1.2 on vax, here is " in capsys.readouterr().out
+    assert installed == []
