@@ -144,11 +144,11 @@ Groups = list[list[tuple[float, float]]]
 
 
 def by_layout(figure: str, pairs: Iterable[tuple[Row, Row]]) -> Groups:
-    """Return a figure before and now, in groups of one layout: trials of one layout are no independent samples."""
+    """Return a figure before and now, in groups of one layout: trials of one layout are not independent samples."""
     groups: dict[str, list[tuple[float, float]]] = {}
     for was, row in pairs:
         both_out = was["outcome"] in SUCCESSES and row["outcome"] in SUCCESSES
-        if figure == "path" and not both_out:  # a path that ended somewhere in the wood is no length of an escape
+        if figure == "path" and not both_out:  # a path that ended somewhere in the wood is not a length of an escape
             continue
         value = VALUES[figure]
         groups.setdefault(row["forest"], []).append((value(was), value(row)))

@@ -29,7 +29,7 @@ TICK, IMPORT, START = "a control tick", "import wayfarer.cli", "a daemon's start
 TRAILERS = {TICK: "Slower-tick", IMPORT: "Slower-import", START: "Slower-start"}
 
 # Callgrind writes its counts, and begins again from zero, at each call of a function of the C library that nothing else
-# here calls. What happens once, in the first campaign, is no part of a tick.
+# here calls. What happens once, in the first campaign, is not a part of a tick.
 TRIALS = """
 import os, sys
 mark = os.getppid

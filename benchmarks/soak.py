@@ -1,4 +1,4 @@
-"""A simulated day: one daemon's run at bus depth, with faults of the catalogue all the time and its log on disk.
+"""A simulated day: one daemon's run at bus depth, with faults of the catalogue the whole time and its log on disk.
 
 Nothing may grow: memory, tasks, open files, and the log beyond its cap. A person mends what lasts, arms again after
 each fault, and carries the rover back when it is out of the forest. Bugs that end a run are left out: then another

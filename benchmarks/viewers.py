@@ -22,7 +22,7 @@ from benchmarks.figures import HEADER, Figure, print_table
 from wayfarer.daemon.socket.client import ask
 
 VIEWERS = 10
-SETTLE_S = 1.0  # ten snapshots are no steady state
+SETTLE_S = 1.0  # ten snapshots are not steady state
 
 Spell = tuple[float, float]  # from and to, on CLOCK_BOOTTIME, the daemon's
 

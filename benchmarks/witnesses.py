@@ -125,7 +125,7 @@ class Drive(RunLog):
 
     def __init__(self, config: RoverConfig, programme: Programme) -> None:
         self._programme = programme
-        settings = replace(config.detector, blind_stride_m=1e9)  # the end of a stride is no witness
+        settings = replace(config.detector, blind_stride_m=1e9)  # the end of a stride is not a witness
         self._detectors = {
             name: Detector(
                 settings, config.vehicle, watches_motion="motion" in names,

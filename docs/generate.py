@@ -297,7 +297,7 @@ def _described(schema: dict[str, Any], table: type) -> dict[str, Any]:
 def _plain(schema: Any, key: str = "") -> Any:
     """Write whole bounds as whole numbers, and code in texts as Markdown has it; leave out fractional steps.
 
-    ``Annotated`` gives 1 or 1.0, whichever was imported first. Some editors find that 0.3 is no multiple of 0.1.
+    ``Annotated`` gives 1 or 1.0, whichever was imported first. Some editors find that 0.3 is not a multiple of 0.1.
     """
     if isinstance(schema, list):
         return [_plain(each) for each in schema]

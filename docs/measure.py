@@ -142,7 +142,7 @@ def run(campaign: Measured, jobs: int | None) -> None:
 
 
 def _wayfarer(folder: Path, arguments: Iterable[str]) -> str:
-    """Run the installed wayfarer in a folder, which is no checkout: there Python would import that instead."""
+    """Run the installed wayfarer in a folder, which is not a checkout: there Python would import that instead."""
     command = [sys.executable, "-m", "wayfarer", *arguments]
     return subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, text=True, check=True).stdout
 

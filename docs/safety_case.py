@@ -20,7 +20,7 @@ PAGE = """# Safety case
 
 Each hazard with its causes, what keeps the rover from it, the tests that show so, and what remains. A cause is a
 condition of the rover ([levels and words](what-stops-the-wheels.md)), an event that changes
-[its mode](what-stops-the-wheels.md#modes), or something that neither can see. A test is a scenario of
+[its mode](what-stops-the-wheels.md#modes), or something else. A test is a scenario of
 the [fault catalogue](../reference/faults.md#the-fault-catalogue), or a file of `tests/` with the name of a test in it.
 """
 HEAD = ("cause", "mechanism", "test", "what remains")

@@ -45,7 +45,7 @@ class TheirRover:
         self._detector = StuckDetector(VEHICLE)
 
     def sense(self, t_s: float) -> Sensed:
-        """Look around, the wheels turning as they were told since the last time."""
+        """Look around; since the last time the wheels have turned as commanded."""
         heading_deg = self._compass.sample(t_s)[0] / 10.0
         moved_m = self._odometry.sample(t_s)[0] * FLOW_M_PER_COUNT
         left_m_s, right_m_s = (duty * VEHICLE.max_speed_m_s for duty in self._wheels)

@@ -138,7 +138,7 @@ def confirm(best: Factors, layouts: int) -> None:
 
 def main(points: int, layouts: int, held_out: int) -> None:
     """Search, draw, confirm."""
-    optuna.logging.set_verbosity(optuna.logging.ERROR)  # Ctrl-C is told below
+    optuna.logging.set_verbosity(optuna.logging.ERROR)  # Ctrl-C is reported below
     warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)  # the pruner and the plots say that they are
     OUT.mkdir(exist_ok=True)
     study = search(points, layouts)

@@ -211,10 +211,10 @@ SPOILT: list[tuple[str, str, Algorithm]] = [
     ("phases_end", "halt did not end", spoilt(
         lambda decision, _: decision._replace(wheels=STOP, phase=Phase.HALT))),
     ("phases_end", "follow did not end", spoilt(lambda decision, _: decision._replace(phase=Phase.FOLLOW))),
-    ("memory_has_counter_and_episodes", "has episodes = None, which is no finite number", spoilt(
+    ("memory_has_counter_and_episodes", "has episodes = None, which is not a finite number", spoilt(
         memory={"counter_deg": 0.0})),
     ("memory_has_counter_and_episodes", "has counter_deg = nan", spoilt(memory={"counter_deg": nan, "episodes": 0})),
-    ("memory_has_counter_and_episodes", r"has seen = \[1\], which is neither a number nor a text", spoilt(
+    ("memory_has_counter_and_episodes", r"has seen = \[1\], which is not a number or a text", spoilt(
         memory={"counter_deg": 0.0, "episodes": 0, "seen": [1]})),
     ("reset_forgets", r"after reset\(\) the first decision is", unforgetting()),
     ("requires_what_a_rover_can_have", r"requires is \['lidar'\], and a rover can have \['contact'",
@@ -372,7 +372,7 @@ LIFE_CYCLES: list[tuple[str, str, Callable[[], Any], Callable[[], Any]]] = [
     ("closes_at_any_time", r"a second close\(\) raised OSError", ClosesTwice, Part),
     ("opens_again", r"NotResponding was raised \(bench part: busy\)", OpensOnce, Part),
     ("missing_hardware_is_told", r"did not fail; it must speak to the part", Part, Part),
-    ("missing_hardware_is_told", r"raised OSError.*no DriverError", Part, lambda: Part(open=fail)),
+    ("missing_hardware_is_told", r"raised OSError.*not a DriverError", Part, lambda: Part(open=fail)),
     ("missing_hardware_is_told", r"failed without a text", Part, lambda: Part(open=mute)),
     ("closes_after_a_failed_open", r"after a failed open\(\) raised OSError", Part,
         lambda: Part(open=refuse, close=fail)),

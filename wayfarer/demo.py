@@ -77,7 +77,7 @@ class Demo:
         trial: which trial of that campaign.
         speed: how many times faster than the clock.
         logs: the folder of all logs.
-        ended: is told of the trial when it has ended.
+        ended: is called with the trial when it has ended.
     """
 
     def __init__(

@@ -38,7 +38,7 @@ def open_regular(path: Path, buffering: int = -1) -> BinaryIO:
         buffering: how much is read from the disk at once, in bytes; -1 is the usual.
 
     Raises:
-        OSError: there is no such file, or it is no ordinary one; ``strerror`` says what it is.
+        OSError: there is no such file, or it is not an ordinary one; ``strerror`` says what it is.
     """
     # Asked first, because opening a device can have an effect: a serial port resets some motor boards.
     _refuse_special(path, path.stat().st_mode)
@@ -49,7 +49,7 @@ def open_to_append(path: Path) -> BinaryIO:
     """Open an ordinary file for reading and writing, one that a person has not named; make it if there is none.
 
     Raises:
-        OSError: it is no ordinary file, or a symlink, which may point to any file; ``strerror`` says what it is.
+        OSError: it is not an ordinary file, or a symlink, which may point to any file; ``strerror`` says what it is.
     """
     with suppress(FileNotFoundError):
         _refuse_special(path, path.lstat().st_mode)
@@ -137,7 +137,7 @@ def _refuse_special(path: Path, mode: int) -> None:
 def atomic_file(path: Path, *, mode: int | None = None, follow_symlink: bool = False) -> Iterator[BinaryIO]:
     """Give an open draft to write (and read); when that is done and on the disk, it takes the place of the file.
 
-    Whatever fails, the draft goes and what was there stays.
+    If anything fails, the draft is deleted and the old file stays.
 
     Args:
         path: of the file.
@@ -152,7 +152,7 @@ def atomic_file(path: Path, *, mode: int | None = None, follow_symlink: bool = F
     target = Path(os.path.realpath(path)) if follow_symlink else path
     replaceable = target.is_file() or (target.is_symlink() and not follow_symlink)
     if os.path.lexists(target) and not replaceable:
-        raise BadInput(f"{path} is no ordinary file and is left as it is: name another one")
+        raise BadInput(f"{path} is not an ordinary file and is left as it is: name another one")
     draft = _draft(target)
     try:
         # O_EXCL makes a new file and follows no symlink. One with a mode is its owner's only until it has that mode.
@@ -184,7 +184,7 @@ _NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 def write_new(path: Path, content: str) -> None:
-    """Write a file that is not there yet, as text in UTF-8; whatever fails, nothing is left.
+    """Write a file that is not there yet, as text in UTF-8; if anything fails, nothing is left.
 
     Raises:
         FileExistsError: something is there, also if it has come meanwhile.

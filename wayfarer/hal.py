@@ -236,7 +236,7 @@ class Recognised(Protocol):
     """
 
     async def identify(self) -> None:
-        """Make sure that the part answers, by reading what tells which part it is; changes nothing, turns no wheel.
+        """Make sure that the part answers, by reading what identifies it; changes nothing, turns no wheel.
 
         Raises:
             NotResponding: nothing answers.

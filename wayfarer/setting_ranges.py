@@ -117,7 +117,7 @@ def check_fields(settings: object) -> None:
     A rover file's settings were checked before, with the file's name. This is for those that a program makes.
 
     Raises:
-        OutOfRange: one is no number, or outside of its range.
+        OutOfRange: one is not a number, or outside of its range.
     """
     kind: type = type(settings)
     for key, hint in _hints(kind).items():

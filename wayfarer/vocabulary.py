@@ -59,7 +59,7 @@ LADDER_TEXTS: Mapping[str, str] = {
     "ladder.blind_detour": "driven far without seeing the ground, so it drives back, turns at random and drives on",
 }
 
-PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is no word for a thing
+PART_TEXTS: Mapping[str, str] = {  # those whose name in a rover file is not a word for a thing
     "motion": "motion sensor",
     "contact": "bumper",
     "wheels": "wheel sensor",
@@ -217,7 +217,7 @@ WORDS: Mapping[Condition, Words] = {
     ),
     Condition.BOARD_SILENT: Words(
         "the motor board does not report its status",
-        "drives on, and knows neither battery nor faults",
+        "drives on without knowing battery and faults",
         "the board reports again",
     ),
     Condition.BATTERY_LOW: Words(
@@ -343,7 +343,7 @@ def disarmed_text(reason: str) -> str:
 
 
 def goal_text(goal_heading_deg: float | None) -> str:
-    """Say where a rover drives: towards a heading, or straight ahead if it has not been told one."""
+    """Say where a rover drives: towards a heading, or straight ahead if it has none."""
     return "straight ahead" if goal_heading_deg is None else f"towards {whole_deg(goal_heading_deg)} degrees"
 
 

@@ -51,7 +51,7 @@ class WaitingThread(ABC):
 
 
 class OneCall:
-    """A call in a thread, only one at a time, begun on the loop whatever the memory: ``start`` waits for nothing.
+    """A call in a thread, only one at a time, begun on the loop even if memory is short: ``start`` waits for nothing.
 
     What is begun while the call is under way is done once more after it. So a disk that hangs holds one thread, however
     often it is asked. If no memory is left, a thread can end before its first line, and ``threading.Thread.start``

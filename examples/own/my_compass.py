@@ -49,7 +49,7 @@ class MyCompass:
         self.name = f"MyCompass at 0x{settings.address:02X} on {settings.bus}"  # for messages and the log
 
     async def open(self) -> None:
-        """Speak to the part for the first time: a missing or different one has to be told here."""
+        """Speak to the part for the first time: report a missing or a different one here."""
         try:
             (identity,) = await self._bus.write_read(self._settings.address, WHO_AM_I, 1)
         except NotResponding as error:

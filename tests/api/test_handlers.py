@@ -93,12 +93,12 @@ def test_algorithm_is_made_only_for_observations_that_have_what_it_needs(name: s
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"algorithm": None}, "make_handler: algorithm = None is no str"),
+        ({"algorithm": None}, "make_handler: algorithm = None is not a str"),
         ({"algorithm": "forest-plegde"}, "unknown algorithm 'forest-plegde': did you mean forest-pledge"),
         ({"vehicle": BODY}, "make_handler: vehicle = {'length_m': 0.6,"),
-        ({"settings": 0.5}, "make_handler: settings = 0.5 is no EscapeSettings"),
-        ({"seed": 0.5}, "make_handler: seed = 0.5 is no whole number"),
-        ({"seed": "zero"}, "make_handler: seed = 'zero' is no whole number"),
+        ({"settings": 0.5}, "make_handler: settings = 0.5 is not an EscapeSettings"),
+        ({"seed": 0.5}, "make_handler: seed = 0.5 is not a whole number"),
+        ({"seed": "zero"}, "make_handler: seed = 'zero' is not a whole number"),
     ],
 )
 def test_what_is_no_part_of_a_handler_is_refused_in_a_line(wrong: dict[str, Any], said: str) -> None:

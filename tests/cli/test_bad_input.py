@@ -103,7 +103,7 @@ def test_bad_input_is_one_line_and_exit_code_2_and_leaves_no_folder(
 
 LATE = {
     "run --rover forestrover": "is not there",
-    "run --sim --mavlink udpout:no-such-host.invalid:14550": "no host no-such-host.invalid is known",
+    "run --sim --mavlink udpout:no-such-host.invalid:14550": "host no-such-host.invalid is not known",
     "run --sim --live --live-host no-such-host.invalid": "no-such-host.invalid cannot be used",
     "run --sim --live --live-host 192.0.2.77": "192.0.2.77 cannot be used",
     "run --sim --live --live-port {taken_port}": "is in use",

@@ -86,7 +86,7 @@ def test_a_key_with_a_line_break_is_refused_in_one_line(tmp_path: Path) -> None:
 def test_a_folder_in_the_files_place_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="cannot be read"):
         load(tmp_path)
-    with pytest.raises(BadInput, match="is no ordinary file"):
+    with pytest.raises(BadInput, match="is not an ordinary file"):
         save(tmp_path, Calibration())
 
 

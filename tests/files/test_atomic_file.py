@@ -85,7 +85,7 @@ def test_pipe_is_refused_and_stays(tmp_path: Path, through: str) -> None:
     os.mkfifo(pipe)
     link.symlink_to(pipe)
     path = pipe if through == "itself" else link
-    with pytest.raises(BadInput, match="is no ordinary file"):
+    with pytest.raises(BadInput, match="is not an ordinary file"):
         write(path, follow_symlink=True)
     assert pipe.is_fifo()
     assert link.is_symlink()
@@ -96,7 +96,7 @@ def test_folder_and_circle_of_symlinks_are_refused(tmp_path: Path) -> None:
     circle = tmp_path / "circle"
     circle.symlink_to(circle)
     for path in (tmp_path, circle):
-        with pytest.raises(BadInput, match="is no ordinary file"):
+        with pytest.raises(BadInput, match="is not an ordinary file"):
             write(path, follow_symlink=True)
     assert list(tmp_path.iterdir()) == [circle]
     assert circle.is_symlink()

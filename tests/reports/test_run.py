@@ -204,7 +204,7 @@ def test_settings_that_are_not_the_defaults_stand_before_those_that_have_none(tm
     told = own_settings_table(data_of(tmp_path / "mine", {**HEADER, "config": config}, *drive(1.0)))
     rows = re.findall(r'<tr class="setting"><th scope="row">(.*?)</th><td.*?>(.*?)</td><td.*?>(.*?)</td>', told)
     assert rows == [("control_hz", "10.0", "20.0"), ("vehicle.turn_from_duty", "0.1", "0.0"), ("name", "mine", "")]
-    assert "does not tell the rover file" in own_settings_table(
+    assert "does not have the rover file" in own_settings_table(
         data_of(tmp_path / "none", {**HEADER, "config": None}, *drive(1.0))
     )
     assert {"escape.back_off_m", "log.part_mb"} <= default_settings().keys()

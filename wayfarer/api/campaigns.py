@@ -32,7 +32,7 @@ def run_campaign(  # noqa: D417 - the settings' own sentences are added
 ) -> Results:
     """Run the rover's own code in simulated forests, each algorithm in the same ones with the same noise.
 
-    The same arguments give the same rows, whatever ``jobs`` is, and the same as ``wayfarer sim`` with these options.
+    The same arguments give the same rows, for any ``jobs``, and the same as ``wayfarer sim`` with these options.
     Numbers of NumPy are numbers too. ``set`` is a mapping: ``{"sim.slope_deg": (0, 15), "senses": "field"}``.
 
     Args:

@@ -51,7 +51,7 @@ class StuckDetector:
         motion_stale_s: without a new measurement for so long, the motion sensor counts as silent.
 
     Raises:
-        OutOfRange: one is no number, or outside of its range, which the text says.
+        OutOfRange: one is not a number, or outside of its range, which the text says.
 
     >>> vehicle = Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2)
     >>> detector = StuckDetector(vehicle)
@@ -146,7 +146,7 @@ class StuckDetector:
         self._detector.update(tick, armed=True)
         if not self._on_ground and self._detector.compass is not None:
             self._on_ground = True
-            self._detector.begin_mission(tick)  # it may stand on a slope: that is no trunk
+            self._detector.begin_mission(tick)  # it may stand on a slope: that is not a trunk
         self.anomalies = tick.anomalies
         self.conditions = tuple(condition.value for condition in tick.conditions)
         return bool(tick.anomalies)
@@ -184,7 +184,7 @@ class FailSafe:
         relapse_s: seconds after the wheels were given back; a planner that gets stuck later has met something new.
 
     Raises:
-        OutOfRange: a distance or time is no number, or outside of its range, which the text says.
+        OutOfRange: a distance or time is not a number, or outside of its range, which the text says.
 
     >>> vehicle = Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2)
     >>> failsafe = FailSafe(make_handler("forest-pledge", vehicle=vehicle), vehicle)

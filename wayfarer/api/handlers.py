@@ -47,13 +47,13 @@ def make_handler(
     """
     for name, value, kind in (("algorithm", algorithm, str), ("vehicle", vehicle, Vehicle)):
         if not isinstance(value, kind):
-            raise BadInput(f"make_handler: {name} = {value!r:.80} is no {kind.__name__}")
+            raise BadInput(f"make_handler: {name} = {value!r:.80} is not a {kind.__name__}")
     if not isinstance(settings, EscapeSettings | None):
-        raise BadInput(f"make_handler: settings = {settings!r:.80} is no EscapeSettings")
+        raise BadInput(f"make_handler: settings = {settings!r:.80} is not an EscapeSettings")
     try:
         rng = Random(seed if seed is None else index(seed))
     except TypeError:
-        raise BadInput(f"make_handler: seed = {seed!r:.80} is no whole number") from None
+        raise BadInput(f"make_handler: seed = {seed!r:.80} is not a whole number") from None
     found = find_algorithm(algorithm)
     if missing := sorted(found.requires - (CONTACT if contact else NOTHING)):
         others = ", ".join(name for name, row in BUILT_IN.items() if not row.requires)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Run:
     """A run's field log.
 
-    ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` tells of it, and ``damage`` what of it could
+    ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` says of it, and ``damage`` what of it could
     not be read, false if that is nothing. ``ticks`` and ``events`` read the log again, row by row, each time that
     they are asked for.
 

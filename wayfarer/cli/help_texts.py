@@ -80,7 +80,7 @@ def error_text(error: typer.TyperException) -> str:
         return error.message + _suggestion(problem.option_name, [option for param in params for option in param.opts])
     text = error.format_message().replace("Value error, ", "", 1)  # the name of a class
     if hasattr(problem, "param_type"):  # something is missing
-        for line in (problem.ctx.command.epilog or "").splitlines():  # which may tell of exit codes only
+        for line in (problem.ctx.command.epilog or "").splitlines():  # which may be about exit codes only
             if line.startswith("wayfarer "):
                 return f"{text.rstrip('.')}, for example: {line}"
     return text

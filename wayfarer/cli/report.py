@@ -123,7 +123,7 @@ def _run(what: str, logs: Path) -> Path | None:
     """Return the folder of the run that is meant, None for another folder; a run's number goes before its name.
 
     Raises:
-        BadInput: there is neither such a run nor such a folder.
+        BadInput: there is no such run or folder.
     """
     from wayfarer.fieldlog.folders import find_run, is_run
 

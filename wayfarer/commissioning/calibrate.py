@@ -239,7 +239,7 @@ DISTANCE_M = 2.0
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.5, 50.0
 UNSEEN_MAX = 0.05  # share of readings without quality: the way made during them is missing
 STILL_S = 2.0  # of a camera at rest; at 10 pictures per second: 20 of them
-TIMES_STILL_MIN = 2.0  # less change than that is not told from noise
+TIMES_STILL_MIN = 2.0  # a smaller change cannot be distinguished from noise
 
 
 async def calibrate_flow(inspection: Inspection, operator: Operator) -> FlowEntry:

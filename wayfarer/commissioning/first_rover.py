@@ -1,6 +1,6 @@
 """A first rover file: what answers on this computer's buses, in a copy of the shipped file that is nearest to it.
 
-Each known part is asked for where it may be. Only registers that tell which part it is are read, at the addresses that
+Each known part is asked for where it may be. Only registers that identify the part are read, at the addresses that
 drivers know, and none is written. Other addresses are left alone: a scan of all can change an EEPROM. So are parts that
 the kernel drives, and the buses of a PC's mainboard. Nothing is sent to a serial port, because a motor board may be
 there, and no camera is opened.
@@ -170,7 +170,7 @@ def _list_ports(host: HostEnvironment, found: Inventory) -> None:
     if debug := ports.pop(PI5_DEBUG_PORT, None):
         found.seen.append(("skipped", f"{debug}: {PI5_DEBUG_PORT}, the debug connector of a Pi 5"))
     found.ports.extend(ports.values())
-    for device in (device for device in found.ports if "roboclaw" in device.lower()):  # its USB tells its name
+    for device in (device for device in found.ports if "roboclaw" in device.lower()):  # its USB descriptor has its name
         found.parts.setdefault("motors", FoundPart("roboclaw", {"port": device}, f"RoboClaw at {device}, by that name"))
     found.seen += [("found", f"serial port {port}; nothing is sent to it") for port in found.ports] or [
         ("nothing", f"serial ports: {', '.join(f'/{pattern}' for pattern in PORTS)}")

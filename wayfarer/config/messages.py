@@ -100,7 +100,7 @@ def with_short_keys(said: str) -> str:
 
 
 def _section_model(model: Any, section: list[str]) -> Any:
-    """Return what says the ranges of a section's keys; the items of a list have none of their own."""
+    """Return what says the ranges of a section's keys; the items of a list have no range."""
     tables = getattr(model, "model_fields", {})  # a settings dataclass has no tables within
     within = tables[section[0]].annotation if section and section[0] in tables else model
     return within if isinstance(within, type) else model

@@ -60,7 +60,7 @@ def find_algorithm(name: str, folder: Path | None = None) -> Algorithm:
 
     Raises:
         UnknownName: nothing of that name; the text offers the nearest ones.
-        BadInput: it is not there, failed while it was loaded, or is no algorithm.
+        BadInput: it is not there, failed while it was loaded, or is not an algorithm.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
@@ -105,7 +105,7 @@ def find_driver(name: str) -> Any:
 
     Raises:
         UnknownName: nothing of that name; the text offers the nearest ones.
-        BadInput: it is not there, failed while it was loaded, or is no driver.
+        BadInput: it is not there, failed while it was loaded, or is not a driver.
     """
     if name in BUILT_IN_DRIVERS:
         return load_path("driver", BUILT_IN_DRIVERS[name])
@@ -129,7 +129,7 @@ def make_buses(name: str) -> Any:
 
     Raises:
         UnknownName: nothing of that name.
-        BadInput: the module cannot be imported, or what it gives is no ``Buses``.
+        BadInput: the module cannot be imported, or what it gives is not a ``Buses``.
     """
     path = check_buses(name)
     make = load_path("buses", path)
@@ -137,7 +137,7 @@ def make_buses(name: str) -> Any:
         buses = make()
     except WayfarerError:
         raise
-    except (Exception, SystemExit) as error:  # a third party's may raise anything, and be no function at all
+    except (Exception, SystemExit) as error:  # a third party's may raise anything, and not be a function at all
         raise BadInput(f"buses '{name}': {path} gives no buses: {kind_and_text(error)}") from error
     if not all(callable(getattr(buses, kind, None)) for kind in ("i2c", "spi", "serial", "camera", "close")):
         raise BadInput(f"buses '{name}': {path} does not give a wayfarer.drivers.buses.Buses")

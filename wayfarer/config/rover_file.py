@@ -1,6 +1,6 @@
 """Rover files: the complete description of one rover in TOML, validated before anything moves.
 
-A file gives the body, and whatever differs from the defaults that stand beside the code: rates, manoeuvres, thresholds,
+A file gives the body, and what differs from the defaults in the code: rates, manoeuvres, thresholds,
 each with its unit in the key's name. Unknown keys are refused by name, values outside their range with the range. The
 shipped files are in ``wayfarer/rovers``.
 """
@@ -59,7 +59,7 @@ class LogSettings:
     with a file ``keep``, which ``wayfarer mark`` makes."""
 
 
-# One file, whatever the disk is like: the same simulated trial writes the same bytes everywhere.
+# One file, on any disk: the same simulated trial writes the same bytes everywhere.
 UNLIMITED = LogSettings(part_mb=inf, run_mb=inf, free_mb=0.0)
 
 
@@ -161,7 +161,7 @@ class RoverConfig(BaseModel):
 
     @model_validator(mode="after")
     def _no_speed_is_above_the_top_speed(self) -> Self:
-        """Refuse a speed that somebody wrote and the rover cannot have: most are in km/h, which no range tells."""
+        """Refuse a speed that the rover cannot have: most are in km/h, which the range of values cannot show."""
         usual, top_m_s = EscapeSettings(), self.vehicle.max_speed_m_s
         speeds = {
             "escape.cruise_m_s": (self.escape.cruise_m_s, usual.cruise_m_s),

@@ -143,7 +143,7 @@ class Controller:
         """Stop the wheels from the next tick on, until re-armed; also if a person drives. Never refused."""
         armed = self.mode is not Mode.DISARMED
         outcome = self._disarm(reason)
-        if armed:  # told afterwards: a log that fails keeps nothing from stopping
+        if armed:  # logged afterwards: a log that fails must not prevent a stop
             self._log.logger.info("disarmed", t_s=t_s, text=f"Disarmed: {disarmed_text(reason)}", reason=reason)
         return outcome
 
@@ -153,7 +153,7 @@ class Controller:
             self.why_disarmed = reason
             self._arming = None
             self.mission = None
-            self.held = False  # nothing waits any more that a resume could let go on
+            self.held = False  # a resume has nothing to continue any more
         return self._enter(Event.DISARM)
 
     def begin_manual(self, t_s: float, lease: int, driver: str) -> Outcome:
@@ -285,7 +285,7 @@ class Controller:
     # -- the tick ------------------------------------------------------------------------------------------------
 
     def step(self, inputs: Inputs) -> TickRecord:
-        """Decide one control tick; the caller sends ``wheels`` of the record to the motors, whatever they are."""
+        """Decide one control tick; the caller sends ``wheels`` of the record to the motors."""
         t_s = inputs.t_s
         if self.mode is _MANUAL and self.manual.is_silent(t_s):
             self.end_manual(t_s, f"nothing was heard from {self.manual.driver} for {LEASE_S:g} s")
@@ -404,7 +404,7 @@ class Controller:
             self.board.silent()
         for t_s, flags in inputs.power:
             now = flags or 0
-            if now != (self._supply.flags or 0):  # nothing else is in the log, so that a replay is told the same
+            if now != (self._supply.flags or 0):  # the log has only this, so a replay gets the same
                 text = f"The computer's supply: {meaning(now)}"
                 self._log.logger.warning("power", t_s=t_s, text=text, flags=f"{now:#x}")
                 self._supply.update(t_s, flags)

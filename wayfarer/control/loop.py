@@ -157,9 +157,9 @@ def checked(applied: WheelCommand) -> WheelCommand:
     """Return what a driver has applied.
 
     Raises:
-        BadReading: it is no duty; what the wheels do is not known (fault catalogue, fault 8).
+        BadReading: it is not a duty; what the wheels do is not known (fault catalogue, fault 8).
     """
     left, right = applied.left, applied.right
-    if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is no duty
+    if abs(left) <= 1.0 and abs(right) <= 1.0:  # NaN is not a duty
         return applied
     raise BadReading(f"motors: duties of {left:g} and {right:g} applied, allowed are -1 to 1: their driver has a bug")

@@ -33,7 +33,7 @@ class RunLog:
 
     @property
     def logger(self) -> FilteringBoundLogger:
-        """The logger for events; ``event`` is given all that it is told, with its context and severity."""
+        """The logger for events; ``event`` gets all that is written to it, with context and severity."""
         if self._logger is None:
             self._logger = _logger_for(self)
         return self._logger

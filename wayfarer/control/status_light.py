@@ -14,7 +14,7 @@ magenta    slow     battery low
 red        fast     fault, or a motor board that failed while disarmed: only a person can arm it
 =========  =======  ========================================
 
-For ten seconds after its start, a rover that stands disarmed tells how the last mission before that ended:
+For ten seconds after its start, a rover that stands disarmed shows how the last mission before that ended:
 
 =========  =======  ========================================
 colour     rhythm   meaning

@@ -48,7 +48,7 @@ class Supervisor:
     """Runs one rover with one algorithm, once. It starts disarmed.
 
     A mission that reaches a limit ends the run, as a trial does. With ``goes_on`` it only disarms the rover, which can
-    be armed again. ``last_end`` is what the light tells of the run before. ``being_checked`` is whether somebody has
+    be armed again. ``last_end`` is what the light shows of the run before. ``being_checked`` is whether somebody has
     asked to start the wheels, and the checks before that are under way. ``ladder_seed`` is of the random turns of a
     rover that makes no progress (``escape.recovery``); it must be in the log, or a replay turns to other sides.
 

@@ -1,4 +1,4 @@
-"""One control tick: what it is told, and its record. ``Controller.step`` makes the one from the other.
+"""One control tick: its inputs, and its record. ``Controller.step`` makes the record from the inputs.
 
 The tasks of the parts write at their own rates, and the tick takes all at once.
 """
@@ -68,7 +68,7 @@ class Inputs:
 
 
 class Inbox:
-    """Where the tasks of the parts put what they read; ``next`` is what the next tick is told.
+    """Where the tasks of the parts put what they read; ``next`` is what the next tick gets.
 
     ``motion`` and ``wheels`` are the newest readings of these sensors, None before the first.
     """
@@ -130,7 +130,7 @@ class Inbox:
         self.next.power += (PowerFlags(t_s, flags),)
 
     def take(self, t_s: float) -> Inputs:
-        """Return what the tick at ``t_s`` is told."""
+        """Return what the tick at ``t_s`` gets."""
         inputs = self.next
         inputs.t_s = t_s
         self.next = Inputs(inputs.compass, inputs.contact, inputs.applied)

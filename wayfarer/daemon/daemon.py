@@ -223,7 +223,7 @@ class DaemonLoop(asyncio.SelectorEventLoop):
                 self._busy += 1
 
     def _work(self, future: asyncio.Future[Any], call: Callable[[], Any]) -> None:
-        """Call, and tell the loop; runs in a thread."""
+        """Call, and pass the result to the loop; runs in a thread."""
         try:
             tell = partial(future.set_result, call())
         except BaseException as error:

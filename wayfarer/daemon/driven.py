@@ -155,7 +155,7 @@ def refuse_taken(device: str) -> None:
     """Refuse a device file that another program has locked, without opening it: that may reset a board.
 
     Raises:
-        MotorsTaken: another process holds its lock, as far as the kernel tells.
+        MotorsTaken: another process holds its lock, as far as the kernel knows.
     """
     with suppress(OSError):
         if who := _holder(Path(device).stat()):
@@ -163,7 +163,7 @@ def refuse_taken(device: str) -> None:
 
 
 def _holder(about: os.stat_result) -> str | None:
-    """Say who has locked a file, None if nobody has, as far as the kernel tells."""
+    """Say who has locked a file, None if nobody has, as far as the kernel knows."""
     inode = f"{os.major(about.st_dev):02x}:{os.minor(about.st_dev):02x}:{about.st_ino}"
     with suppress(OSError):
         for line in LOCKS.read_text(encoding="ascii").splitlines():

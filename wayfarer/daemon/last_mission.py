@@ -1,4 +1,4 @@
-"""The last mission: counted while it goes on, kept beside the logs, and told by the daemon's next start.
+"""The last mission: counted while it goes on, kept beside the logs, and printed at the daemon's next start.
 
 ``.last_mission.json`` in the folder of all runs is written at arming and at the mission's end, whole, so a power cut
 leaves the old one or the new one. One that has no end was cut off: by a power cut, or by the death of the process.
@@ -71,12 +71,12 @@ class LastMission:
 
     @property
     def text(self) -> str:
-        """How it ended, as a sentence that its next run tells."""
+        """How it ended, as a sentence for the next run."""
         return f"The last mission of {local_time(self.armed_t_wall, '%Y-%m-%d %H:%M')} (run {self.run}) {self.how}"
 
     @property
     def end(self) -> LastEnd:
-        """How it ended, as the status light tells it."""
+        """How it ended, as the status light shows it."""
         why = self.mission_ended
         if why is None:
             return LastEnd.UNFINISHED
@@ -108,7 +108,7 @@ class MissionKeeper(RunLog):
     Args:
         run: the folder of the run, among all others.
         log: takes the event. Write it before the outcome of the run: the log takes no event after that.
-        tell: takes a line for the person if the file cannot be written; from any thread.
+        tell: prints a line for the person if the file cannot be written; from any thread.
         wall: the wall clock, given the loop's time.
     """
 

@@ -114,7 +114,7 @@ def motors_of(path: Path) -> tuple[DrivenBoard, os.stat_result]:
 
     Raises:
         BadInput: the file cannot be read, or the driver's file is not there.
-        BadConfig: it is no TOML, or there are no motors in it.
+        BadConfig: it is not TOML, or there are no motors in it.
     """
     try:
         with open_regular(path) as file:  # of the file that is read: another one may be at its path a moment later

@@ -21,7 +21,7 @@ from wayfarer.waiting_thread import OneCall
 # Health of the computer: temperature, power, load, disk. A hot or under-powered Pi slows down.
 #
 # It is read in threads, because a hanging card may block a call that asks for its free space; the power flags have a
-# thread of their own, because the rover drives more gently by them.
+# separate thread, because the rover drives more gently by them.
 
 EVERY_S = 10.0  # chosen by us: heat that slows the processor builds up over minutes
 POWER_EVERY_S = 1.0  # fault catalogue, fault 32
@@ -46,7 +46,7 @@ def watching(*watches: Watch) -> Iterator[None]:
 
     def work(watch: Watch) -> None:
         while not ended.is_set():
-            with suppress(RuntimeError):  # the loop that is told has ended
+            with suppress(RuntimeError):  # the loop that gets it has ended
                 watch.call()
             ended.wait(watch.every_s)
 
@@ -80,7 +80,7 @@ NOT_KEPT = "this run can be deleted, although it was marked: {}"
 
 
 class Storage:
-    """Watches where a run is logged; each kind of trouble is told once in a run, and shown while it lasts.
+    """Watches where a run is logged; each kind of trouble is reported once in a run, and shown while it lasts.
 
     Args:
         run: the folder of the run, among all others.
@@ -150,7 +150,7 @@ class Storage:
         return prune(self._run.parent, self._settings.keep_mb, self._may_delete)
 
     def take_pruned(self, t_s: float, pruned: Pruned) -> None:
-        """Tell what was deleted and what was not."""
+        """Report what was deleted and what was not."""
         self._not_deleted = pruned.trouble
         self._deleted += len(pruned.deleted)
         if pruned.deleted:

@@ -150,7 +150,7 @@ class StallGuard:
 
 
 class WatchdogFeed(RunLog):
-    """Feeds both from the run's log: each tick is a beat for the guard, and the first tick tells systemd "ready"."""
+    """Feeds both from the run's log: each tick is a beat for the guard; at the first, systemd gets "ready"."""
 
     def __init__(self, notifier: SystemdNotifier, guard: StallGuard) -> None:
         self._notifier = notifier

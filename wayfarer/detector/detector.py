@@ -144,7 +144,7 @@ class Detector:
         self._turns.reset()
 
     def begin_mission(self, tick: DetectorTick) -> None:
-        """Take the ground to be as the body stands on it now, where a person has put it: that is no anomaly."""
+        """Take the ground to be as the body stands on it now, where a person has put it: that is not an anomaly."""
         if self.compass is not None:
             self._ground.begin(self.compass)
         tick.anomalies = tuple(each for each in tick.anomalies if each not in TILTS)

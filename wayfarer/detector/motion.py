@@ -215,7 +215,7 @@ class Odometer:
 DRIVEN_M: Final = 0.1
 # Turned so far on the spot: as much as shows that a body can turn (``detector.response``).
 TURNED_DEG: Final = 9.0
-# So many equal readings in a row are no chance: at 5 mm a reading, a PMW3901's noise of 2 counts and more repeats one
+# So many equal readings in a row are not chance: at 5 mm a reading, a PMW3901's noise of 2 counts and more repeats one
 # reading in five.
 REPEATS: Final = 8
 COUNTS_FROM_M: Final = 0.005
@@ -294,7 +294,7 @@ G_M_S2: Final = 9.81
 # Before that it may coast; later too, as long as it loses ``gain_m_s2`` or more of its speed.
 AFTER_S: Final = 0.3 - ROUNDING_S
 FOR_S: Final = 0.2 - ROUNDING_S
-# Motors that are told 0 brake, but do not hold: from 3 degrees on, a body rolls (the rolling resistance of
+# Motors at duty 0 brake, but do not hold: from 3 degrees on, a body rolls (the rolling resistance of
 # ``simhal.world.wheeled_body``), and on mud its braked wheels slide from 6 degrees on (a friction of 0.1). A compass
 # has some degrees of noise.
 SLIDES_FROM_DEG: Final = 4.0

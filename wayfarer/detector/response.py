@@ -21,7 +21,7 @@ neither as standing nor as driven. The windows are then longer, until enough was
   motors can overcome holds it everywhere. The rover cannot distinguish them, and in both cases more tries do not help.
 * **It turns the other way.** On flat ground nothing turns a body far against its own wheels. One that does has its
   motors exchanged, or both wired the wrong way, or a compass that turns the wrong way: then each turn makes its heading
-  worse. On a slope of mud a body swings downhill, whatever its wheels do.
+  worse. On a slope of mud a body swings downhill with any command.
 * **Its heading does not answer steering**, which shows without sight that something holds a body that is driven ahead.
   A body that is free follows its wheels. One that pushes at a trunk is turned by it, or held, and the steering towards
   the heading that is wanted grows and shows no effect. Ground with much grip takes up some of the steering as well, and
@@ -43,7 +43,7 @@ from wayfarer.safety.tick_interval import ROUNDING_S, Moved, TickInterval
 # PMW3901's counts over 0.3 s, at three times its noise.
 SEEN_FROM_M: Final = 0.01
 # If a sensor is unsure now and then, the short window grows until it has so many readings that were seen, but not
-# beyond this. Chosen by us: three zeros in a row of sure readings are no chance, and 3 s is how long a motor may be
+# beyond this. Chosen by us: three zeros in a row of sure readings are not chance, and 3 s is how long a motor may be
 # held (fault catalogue, faults 29 and 58).
 LEAST_SEEN: Final = 3
 LONGEST_S: Final = 3.0
@@ -241,14 +241,14 @@ class TurnabilityMonitor:
 # The numbers were chosen by us, by measurement in MuJoCo. What was steered, and how far the body
 # turned, are leaky sums over this time.
 MEMORY_S: Final = 0.8
-# Below this share of the turn that was steered, it is no answer.
+# Below this share of the turn that was steered, it is not an answer.
 ANSWER_SHARE: Final = 0.25
 # Turn duty without an answer that shows contact: at least the first; this many times what was seen on free ground.
 LEAST_DUTY: Final = 0.15
 FREE_TIMES: Final = 1.25
 # What was seen on free ground is forgotten with this time constant: another ground.
 FORGET_S: Final = 60.0
-# A turn on the spot is no steering: driving ahead is at least this share of turning.
+# A turn on the spot is not steering: driving ahead is at least this share of turning.
 STEERS_AHEAD: Final = 0.5
 
 

@@ -1,7 +1,7 @@
 """The wheels as witnesses: do the rims turn, as encoders say, and as the motors' current says.
 
 Both are judged as driving is, by the windows of ``StallMonitor``, with the way of the rims in place of the ground's.
-Encoders measure it. The current tells it as well: that of a motor falls in a line from the stall current at rest to
+Encoders measure it. The current shows it as well: that of a motor falls in a line from the stall current at rest to
 nothing at free speed, so rims turn at ``duty - current / stall current`` of the speed at full duty. A limit in amperes
 would not do: at a third of the duty a motor that is held draws a third of its stall current.
 
@@ -28,16 +28,16 @@ RIM_GAIN_M_S2: Final = 2.0
 # A motor that starts or is reversed draws up to its stall current, or twice that (0.5 s: walker robots, and the advice
 # of makers of motor boards; docs/reference/hardware.md).
 BLANK_S: Final = 0.5
-MOST_STALLS: Final = 3.0  # stall currents; a motor that is reversed at full speed draws two, more is no current
+MOST_STALLS: Final = 3.0  # stall currents; a motor that is reversed at full speed draws two, more is not possible
 # Steered more sharply than this share of driving ahead, skid-steered motors are loaded by the turn.
 SHARP_SHARE: Final = 0.5
-# Rims turn that go this share of what was commanded, whatever the other witness says of them.
+# Rims turn that go this share of what was commanded, even if the other witness disagrees.
 TURNS_SHARE: Final = 0.5
 # With encoders each side that is driven with at least this share of the mean is judged by itself: the slower one
 # counts. The current does not say which way it flows: that of the inner side in a curve, which the ground drags along,
 # looks like a load. So of currents the mean counts.
 SIDE_SHARE: Final = 0.5
-# A body that turned so far on the spot has turned its wheels: an encoder that said nothing but zeros has lost its wire.
+# A body that turned so far on the spot has turned its wheels: an encoder that said only zeros has lost its wire.
 # Far above the noise of a compass; chosen by us.
 TURNED_DEG: Final = 45.0
 
@@ -86,7 +86,7 @@ class WheelMonitor:
     Args:
         settings: thresholds.
         vehicle: gives the speed at full duty.
-        witnesses: who is named in the rover file; if none is, silence is no condition and nothing stands.
+        witnesses: who is named in the rover file; if none is, silence is not a condition and nothing stands.
     """
 
     def __init__(self, settings: DetectorSettings, vehicle: Vehicle, witnesses: frozenset[str]) -> None:
@@ -160,7 +160,7 @@ class WheelMonitor:
         moved.read_s = read_t_s - max(self._read_t_s, self.spoke_t_s)
         self._read_t_s = self.spoke_t_s = read_t_s
         most_m = self._speed_max_m_s * moved.read_s
-        # NaN is no way: a log has it as none.
+        # NaN is not a distance: a log has it as none.
         if left_m is not None and right_m is not None and abs(left_m) <= most_m and abs(right_m) <= most_m:
             if left_m:
                 self._left_turned_deg = 0.0
@@ -184,7 +184,7 @@ class WheelMonitor:
         left_a, right_a = reading.left_a, reading.right_a
         sharp = abs(moved.led_m) > SHARP_SHARE * abs(moved.commanded_m)
         most_a = MOST_STALLS * self._stall_a
-        # A motor that is driven draws something: zero is no measurement, and must not speak against the encoders.
+        # A motor that is driven draws something: zero is not a measurement, and must not speak against the encoders.
         if left_a is not None and right_a is not None and 0.0 < left_a <= most_a and 0.0 < right_a <= most_a:
             full_m = self._full_m_s * moved.driven_s
             left, right = duties.left, duties.right

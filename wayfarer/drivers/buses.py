@@ -51,7 +51,7 @@ class SPIBus(Protocol):
         """Exchange pieces, chip select low for each in turn, and return as many bytes as were sent for each.
 
         Raises:
-            NotResponding: the bus failed, or the deadline passed. A missing device is no error: it reads 00 or FF.
+            NotResponding: the bus failed, or the deadline passed. A missing device reads 00 or FF, without an error.
         """
 
 
@@ -67,7 +67,7 @@ class SerialPort(Protocol):
     async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
         """Throw away what came unasked, write bytes, read until ``missing`` of what came is 0, and return all of it.
 
-        No other transfer on this port comes in between. A part that does not answer is no bus that hangs: this ends
+        No other transfer on this port comes in between. A part that does not answer is not a bus that hangs: this ends
         before a transfer's deadline, also if ``within_s`` is longer.
 
         Raises:
@@ -123,7 +123,7 @@ class OutputPin(Protocol):
     value: float  # the share of time that it is active, 0 to 1; a pin without PWM knows only the two
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release it."""
 
 
 class InputPin(Protocol):
@@ -137,7 +137,7 @@ class InputPin(Protocol):
         """Whether it is high, or with a pull-up low, now."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release it."""
 
 
 class Pins(Protocol):

@@ -9,7 +9,7 @@ lowers the quality.
 the rover moves, but not in which direction: readings are not ``signed``. This mode needs two numbers from a calibration
 on the ground to be driven.
 
-Pictures that are black, flat or identical to the last bit are no evidence, and the quality of the reading is 0: a real
+Pictures that are black, flat or identical to the last bit are not evidence, and the quality of the reading is 0: a real
 sensor always has noise. Dirt on the lens that is sharp and dark enough does not move in the picture, like the ground
 before a stuck rover. Set a fixed exposure if the light allows it; a short one keeps the picture sharp while the rover
 moves.
@@ -53,7 +53,7 @@ class CameraMotionSettings:
     rate_hz: Hertz = 20.0
     """Pictures per second."""
     exposure_us: Annotated[int, Interval(ge=10, le=1_000_000)] | None = None
-    """Fixed exposure, so that a change of light is no motion; without a value it is automatic."""
+    """Fixed exposure, so that a change of light is not taken for motion; without a value it is automatic."""
     method: Literal["displacement", "difference"] = "displacement"
     """``displacement`` for a camera that looks straight down, ``difference`` for one that looks in any direction."""
     forward: Literal["+x", "-x", "+y", "-y"] = "-y"
@@ -62,10 +62,10 @@ class CameraMotionSettings:
     m_per_pixel: Annotated[float, Interval(ge=1e-4, le=0.1)] | None = None
     """For displacement, the ground that one pixel shows, in m: drive a metre and divide."""
     dark_below: GreyLevels = 15.0
-    """A picture with a lower mean grey level, 0 to 255, is no evidence. Chosen by us: a covered lens must be below
+    """A picture with a lower mean grey level, 0 to 255, is not evidence. Chosen by us: a covered lens must be below
     it, the darkest ground to be driven must not."""
     flat_below: GreyLevels = 5.0
-    """A picture whose standard deviation in grey levels is lower is no evidence; chosen by us, as ``dark_below``."""
+    """A picture whose standard deviation in grey levels is lower is not evidence; chosen by us, as ``dark_below``."""
     difference_still: GreyLevels | None = None
     """For difference, the mean change of a pixel in grey levels from one picture to the next while standing; ``wayfarer
     calibrate flow`` measures it on your ground."""
@@ -87,7 +87,7 @@ class CameraMotionSettings:
 class Picture(NamedTuple):
     """A frame for comparison: ``relief`` is luma minus its mean, so that brightness does not matter.
 
-    ``tells`` says whether it is evidence: neither too dark nor too flat.
+    ``tells`` says whether it is evidence: not too dark, and not too flat.
     """
 
     t_s: float

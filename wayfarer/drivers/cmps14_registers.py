@@ -37,7 +37,7 @@ class CalibrationLevels(NamedTuple):
         """The calibration level of the heading: that of the magnetometer, and 0 while that of the system is 0.
 
         The accelerometer's level is left out: the heading of a rover that is nearly level hardly depends on it. Even 3
-        is no proof: iron and motor currents beside the part change the bearing, but not the level.
+        proves nothing: iron and motor currents beside the part change the bearing, but not the level.
         """
         return self.mag if self.system else 0
 

@@ -77,7 +77,7 @@ class _Counter:
             self.missed += bool(_MOVES[4 * self._state + state])  # ``_move`` counts the others
             self._move(state)
             self._doubt = None
-        else:  # an edge that comes right now is no mistake
+        else:  # an edge that comes right now is not a mistake
             self._doubt = state
 
     def _move(self, state: int) -> None:

@@ -10,7 +10,7 @@ time advances from there.
 
 The reports of several receivers come mixed. Each receiver is judged by its own reports only, and one is served until
 it says that it has no fix, or has had no new one for ``SERVED_S``: two are some metres apart, and a hung one still
-tells where it once was.
+says where it once was.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ class Gpsd:
         try:
             async with asyncio.timeout(ANSWER_S):
                 reader = await self._connect()
-        except (OSError, ValueError) as error:  # a name may be no name of a host
+        except (OSError, ValueError) as error:  # a name may not be a name of a host
             await self.close()
             reason = str(error) or f"no answer within {ANSWER_S:g} s"  # the error of a timeout has no text
             raise NotResponding(
@@ -257,5 +257,5 @@ class Gpsd:
         time = asyncio.get_running_loop().time
         with suppress(OSError):
             while not reader.at_eof():
-                with suppress(ValueError):  # a line beyond the limit is dropped; its rest is no report
+                with suppress(ValueError):  # a line beyond the limit is dropped; its rest is not a report
                     self._fixes.take(await reader.readline(), time())

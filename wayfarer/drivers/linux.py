@@ -154,7 +154,7 @@ class SerialDevice:
 
     def forget_input(self) -> None:
         """Throw away what has come."""
-        self._port.read(_INPUT_BYTES)  # ``reset_input_buffer`` raises termios.error, which is no OSError
+        self._port.read(_INPUT_BYTES)  # ``reset_input_buffer`` raises termios.error, which is not an OSError
 
     def read(self, count: int, wait_s: float) -> bytes:
         """Return what has come, at most ``count`` bytes, as soon as there is any; a port that is gone raises."""

@@ -80,7 +80,7 @@ class PMW3901Settings:
     def limit_counts_s(self) -> float:
         """Counts a second at the highest speed that the chip follows: 3,471, or more if a smaller angle is set.
 
-        A larger angle does not lower the limit: a chip as in the data sheet may give 3,471, whatever angle is set.
+        A larger angle does not lower the limit: a chip as in the data sheet may give 3,471 at any angle.
         """
         return LIMIT_RAD_S / min(self.rad_per_count, RAD_PER_COUNT)
 

@@ -100,7 +100,7 @@ class RoboClaw:
     not acknowledge it; nothing is stored in the board. Whether the board forgets it with its power depends on what is
     stored there. So it is read before each command to move, and no such command is sent if it is not ours.
 
-    Warnings are no faults. A motor whose current the board limits gets less than was commanded, and ``read_back``
+    Warnings are not faults. A motor whose current the board limits gets less than was commanded, and ``read_back``
     reports the command then: a rover that pushes against a trunk obeys.
 
     ``error_counts`` counts the requests that were tried again, and how often the board had lost its power.

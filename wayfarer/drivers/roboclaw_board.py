@@ -6,10 +6,10 @@ something has the CRC itself, and is acknowledged by FF.
 
 **What only asks may keep the motors running**: the board's timeout counts the bytes that it receives, and no source
 says that a request is not counted. So a request that comes later than the timeout after the last command to move has a
-stop right behind it. Whatever still asks while nothing drives any more, the wheels stop after twice the timeout.
+stop right behind it. If requests go on while nothing drives any more, the wheels stop after twice the timeout.
 
 **A board that is set to standard serial** takes each byte as a command that turns a motor, and a zero as a stop (page
-55). So until a board has answered once, a zero is behind all that it is asked or told.
+55). So until a board has answered once, a zero follows each request and each command.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ Packets and commands are those of the Sabertooth 2x12 User's Guide (April 2012),
 the board answers nothing, acknowledges nothing, and drops a packet with a wrong checksum silently.
 
 Older boards, the 2x5, the 2x10 and the first 2x25, store no speed of the line: they take it from the first byte that
-they hear, which must be AA (Sabertooth 2x5 and 2x10 User's Guide, page 15; not before two seconds after power-up). For
-them there is ``autobaud``. The 2x12, 2x25 V2, 2x32 and 2x60 need none (examples of the maker's Arduino library).
+they receive, which must be AA (Sabertooth 2x5 and 2x10 User's Guide, page 15; not before two seconds after power-up).
+For them there is ``autobaud``. The 2x12, 2x25 V2, 2x32 and 2x60 need none (examples of the maker's Arduino library).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _BITS_PER_BYTE = 10  # with start and stop bit
 _LOAD_MAX = 0.7  # of the wire; the rest is for stops, and for a process that Linux wakes late
 _STOPS = 3  # bytes may be lost without notice
 _AUTOBAUD = b"\xaa"  # page 15 of the 2x5's guide; no address of a board, so one that knows its speed passes it over
-_START_UP_S = 2.0  # the same page: until then the board would not hear it
+_START_UP_S = 2.0  # the same page: until then the board ignores it
 
 
 def packet(address: int, command: int, data: int) -> bytes:
@@ -57,7 +57,8 @@ class SabertoothSettings:
     """Speed of the serial line in bit/s."""
     autobaud: bool = False
     """The board takes the speed from the byte AA, and no command before: true for a 2x5, a 2x10 or the first 2x25;
-    false for a 2x12, 2x25 V2, 2x32 or 2x60. Such a board hears the first byte after it is switched on: switch it on
+    false for a 2x12, 2x25 V2, 2x32 or 2x60. Such a board takes its speed from the first byte after it is switched on:
+    switch it on
     before the daemon starts, or off and on again if it does not answer."""
     address: Annotated[int, Interval(ge=128, le=135)] = 128
     """Address of the board, as on its switches."""

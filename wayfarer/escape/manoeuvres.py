@@ -18,7 +18,7 @@ from wayfarer.hal import Side, WheelCommand
 # and turn slip are part of a normal day. The constant second covers the start from standstill.
 SLACK: Final = 3.0
 SLACK_S: Final = 1.0
-# Whatever the plan: reversing may be blocked behind as well, unnoticed (fault catalogue, fault 58).
+# For any plan: reversing may be blocked behind as well, unnoticed (fault catalogue, fault 58).
 BACK_OFF_MAX_S: Final = 3.0
 TURN_MIN_DEG_S: Final = 30.0  # the slowest turn on the spot, near the end of its angle
 

@@ -21,7 +21,7 @@ positive. This is Algorithm 2 of the paper in our words, and where each line is 
     11-13  else: as lines 3 to 5                  BACK_OFF, TURN_AWAY, and so on
 
 Counting turns, instead of looking at the heading only, lets it leave spirals and pockets. *Forest-Pledge* also ends the
-episode when the heading comes within 5 degrees of the goal heading, whatever the number of whole turns (``REALIGNED``).
+episode when the heading comes within 5 degrees of the goal heading, with any number of whole turns (``REALIGNED``).
 This is shorter among many obstacles, but loses Pledge's guarantee. The variants choose tau or theta in another way
 (``catalogue``).
 

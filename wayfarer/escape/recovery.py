@@ -59,7 +59,7 @@ RUNGS: Final = (
     Rung("ladder.random_turn", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(1.5, 0.8, 0.0)), random=True),
     *(SHUFFLE,) * 3,
 )
-# A step of a random walk, for a rover that was driven long without sight. It is no step on the ladder: there may be
+# A step of a random walk, for a rover that was driven long without sight. It is not a step on the ladder: there may be
 # nothing in the way. Times and duties as above.
 BLIND_DETOUR: Final = Rung(
     "ladder.blind_detour", (Step(1.0, -0.8, 0.0), Step(2.5, 0.0, 1.0), Step(2.5, 0.8, 0.0)), random=True
@@ -109,7 +109,7 @@ class Ladder:
         self._rest_s = min(2.0 * self._rest_s, REST_MAX_S)
 
     def begin(self, rung: Rung) -> None:
-        """Begin a rung now; it is no step on the ladder."""
+        """Begin a rung now; it is not a step on the ladder."""
         self.rung = rung
         self._step, self._ends_t_s = -1, 0.0
         self._side, self._share = -self._last_turn, 1.0
@@ -310,7 +310,7 @@ class ProgressMonitor:
             east_m: the same to the east.
             anomalous: whether an anomaly is there now.
             blind: whether the motion sensor has seen nothing for a while.
-            drives: whether the algorithm drives: what the ladder does is neither a free run nor a try.
+            drives: whether the algorithm drives: what the ladder does is not a free run and not a try.
         """
         driven_s = interval.driven_s if interval.left or interval.right else 0.0
         self._stayed_s += driven_s

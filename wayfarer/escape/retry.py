@@ -86,7 +86,7 @@ class RetryHandler(PhasedHandler):
             escape_plan.turn_deg = 0.0
 
     def _may_be_slip(self, observation: Observation) -> bool:
-        """Return whether tilt and motion sensor tell of a stall that leaves the nose level."""
+        """Return whether tilt and motion sensor show a stall that leaves the nose level."""
         if observation.anomalies != _STALL or observation.measured_m is None:
             return False
         _, first_deg, first_m = self._past[0]

@@ -1,4 +1,4 @@
-"""What the decision logic is told of a rover: the body, and the numbers of the manoeuvres."""
+"""What the decision logic knows of a rover: the body, and the numbers of the manoeuvres."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Vehicle:
     """What the decision logic knows of the body.
 
     Raises:
-        OutOfRange: a measure is no number, or outside of its range, which the text says.
+        OutOfRange: a measure is not a number, or outside of its range, which the text says.
 
     >>> Vehicle(length_m=0.6, width_m=0.5, track_m=0.6, max_speed_m_s=1.2).mix(speed_m_s=0.6, turn_rad_s=0.0)
     WheelCommand(left=0.5, right=0.5)
@@ -74,7 +74,7 @@ class EscapeSettings:
     The turn angle, the 5 degree reset and the 20 degree compatibility are from the paper, section III.
 
     Raises:
-        OutOfRange: one is no number, or outside of its range, which the text says; or a smallest one is above its
+        OutOfRange: one is not a number, or outside of its range, which the text says; or a smallest one is above its
             largest one.
 
     >>> EscapeSettings(cruise_m_s=0.5).turn_angle_deg

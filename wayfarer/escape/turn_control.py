@@ -342,5 +342,5 @@ class HeadingControl:
         turn_deg_s = clamp(turn, -self._turn_limit_rad_s, self._turn_limit_rad_s) * DEG_PER_RAD
         if abs(error_deg) < PIVOT_BEYOND_DEG:
             return self._turns.wheels(self._cruise_m_s * cos(error), turn_deg_s)
-        self._integral = 0.0  # the error during a pivot is no steady offset to learn
+        self._integral = 0.0  # the error during a pivot is not a steady offset to learn
         return self._turns.wheels(0.0, turn_deg_s)

@@ -214,8 +214,8 @@ def check_rover(config: RoverConfig, depth: Depth, where: str) -> None:
         where: the rover's file, or the name of a shipped one.
 
     Raises:
-        BadConfig: at bus depth the rover wants a part, or a chip for one; the text names file and key. At device
-            depth only a third party's chip can be wrong, which the first trial tells.
+        BadConfig: at bus depth the rover wants a part, or a chip for one; the text names file and key. At device depth
+            only a third party's chip can be wrong; the first trial shows that.
         MissingPackage: at bus depth one of its drivers needs a package that is not installed.
     """
     if depth is Depth.DEVICE:

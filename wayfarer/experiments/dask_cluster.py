@@ -41,7 +41,7 @@ NOISY = {"asyncio", "distributed", "tornado"}  # loggers
 def version() -> str:
     """Say what this process runs: wayfarer's release, a checksum of its source, and Python's version.
 
-    Which commit was installed does not count, nor ``version.py``, which differs with it: the checksum tells more.
+    Which commit was installed does not count, nor ``version.py``, which differs with it: the checksum says more.
     """
     package = Path(wayfarer.__file__).parent
     source = blake2b(digest_size=6)

@@ -242,7 +242,7 @@ def check_ranges(campaign: SettingsT) -> SettingsT:
     """Return the campaign with all bounds tried, as whole numbers if a key counts something.
 
     Raises:
-        BadInput: what has bounds is no number, or a trial that drew them could not be run.
+        BadInput: what has bounds is not a number, or a trial that drew them could not be run.
     """
     known = current(replace(campaign, set=campaign.fixed_values))
     ranges: dict[str, Setting] = {}

@@ -76,7 +76,7 @@ def _quotas(root: Path) -> Iterator[float]:
             files = ("cpu.cfs_quota_us", "cpu.cfs_period_us") if controllers else ("cpu.max",)
             group = top / path.lstrip("/")
             for folder in (group, *group.parents[: len(group.parts) - len(top.parts)]):
-                with suppress(OSError, ValueError):  # in a container only the top is there; "max" is no limit
+                with suppress(OSError, ValueError):  # in a container only the top is there; "max" is not a limit
                     quota, period = " ".join((folder / name).read_text(encoding="ascii") for name in files).split()
                     if float(quota) > 0:
                         yield float(quota) / float(period)
@@ -276,7 +276,7 @@ class Processes(Executor):
             self._idle.put(worker)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the workers at once, whatever they run."""
+        """End the workers at once, also in the middle of a trial."""
         for worker in self.workers:
             worker.kill()
         self._threads.shutdown(wait, cancel_futures=cancel_futures)

@@ -113,7 +113,7 @@ def facts_of(runs: Sequence[RecordedRun]) -> Iterator[tuple[str, str]]:
 
 
 def _without_home(command: str) -> str:
-    command = command.encode("utf-8", "backslashreplace").decode()  # a file's name may be no text
+    command = command.encode("utf-8", "backslashreplace").decode()  # a file's name may not be text
     home = os.environ.get("HOME", "").rstrip("/")
     return re.sub(rf"{re.escape(home)}(?=[/\s]|$)", "~", command) if home else command
 

@@ -277,8 +277,8 @@ class Results:
         A last line that a crash cut short is left out, also if it is the first one.
 
         Raises:
-            BadInput: the file has other columns, a line is no row of these trials, or a trial is there twice; the text
-                says in which line.
+            BadInput: the file has other columns, a line is not a row of these trials, or a trial is there twice; the
+                text says in which line.
         """
         name, base, points = f"{self.folder}/{TRIALS}", self.plan.base, self.swept
         header, first = csv_line(self.columns).encode(), file.readline(MOST_LINE_BYTES)

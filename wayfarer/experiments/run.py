@@ -55,7 +55,7 @@ class TrialRunner:
         self._latest: tuple[list[int], Forest] | None = None
 
     def __call__(self, task: Task) -> Done:
-        """Run one trial; whatever it raises goes on: it says nothing of the rover."""
+        """Run one trial; any error that it raises is passed on, because it says nothing of the rover."""
         spec = self._points[task.point].spec(task, self._forest(task))
         if self._run_trial:
             result = self._run_trial(spec)

@@ -107,7 +107,7 @@ NAMES = tuple(each.name for each in fields(CampaignSettings) if each.name not in
 
 
 class Form(NamedTuple):
-    """How people write a setting that is neither one number nor one of a few words."""
+    """How people write a setting that is not one number or one of a few words."""
 
     metavar: str
     python: str
@@ -223,7 +223,7 @@ def sentences(table: type) -> dict[str, str]:
 
 
 def describe(without: Sequence[str] = (), **defaults: Any) -> Callable[[F], F]:
-    """Have a function with ``**settings`` tell of them all: in its signature, and in the ``Args`` of its docstring.
+    """Describe all settings of a function with ``**settings``: in its signature, and in the ``Args`` of its docstring.
 
     Args:
         without: settings that it has in another form.

@@ -84,7 +84,7 @@ def axis_of(key: str, values: Iterable[Any]) -> Axis:
     """Return the axis of these values, which Python gives.
 
     Raises:
-        BadInput: they are no list of numbers or texts.
+        BadInput: they are not a list of numbers or texts.
     """
     plain = None
     if isinstance(values, Iterable) and not isinstance(values, str | bytes | Mapping):

@@ -100,7 +100,7 @@ def table_of(results: Results, *, full: bool = False) -> TextTable:
     notes = [f"{plural(len(most), 'trial')} in {plural(len({row.forest for row in most}), 'layout')} for each row."]
     notes += [WHAT_COUNTS, methods_note(methods)]
     if papers:
-        notes.append("SD: of the trials. The paper's figures are of its own trials: 1,000 in a forest, ten at a site.")
+        notes.append("SD: of the trials. The paper's figures are from its trials: 1,000 in a forest, ten at a site.")
     if not any(row.get("spl") for row in found):
         notes.append(NO_SPL)
     titles = (*names, *(_title(each, interval=full or each.interval) for each in shown))

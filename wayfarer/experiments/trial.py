@@ -92,7 +92,7 @@ def run_watched(
 ) -> TrialResult:
     """Run one trial beside a log that is made for its world and rover, and may look at what no rover can see.
 
-    ``notes`` are told when a fault begins or ends; ``make_log`` may add to them. ``begin`` is called on the running
+    ``notes`` are called when a fault begins or ends; ``make_log`` may add to them. ``begin`` is called on the running
     loop just before the supervisor runs.
 
     Raises:

@@ -74,7 +74,8 @@ def export(
     ``follow_symlink`` is for a path that a person gave, ``origin`` as for ``ExportFormat.write``.
 
     Raises:
-        BadInput: there is such a file already, it cannot be written or is no ordinary file, or the run cannot be read.
+        BadInput: there is such a file already, it cannot be written or is not an ordinary file, or the run cannot be
+        read.
     """
     try:
         if out.is_dir() or (out.exists() and not overwrite):

@@ -150,7 +150,7 @@ def _check_origin(run: Path, origin: Origin | None, fixes: Sequence[Fix], poses:
 
 
 def _happened(events: Sequence[Told]) -> Iterator[PlacedEvent]:
-    """Give what has a place of what a record tells; anomalies that begin at the same tick are one."""
+    """Yield the events of a record that have a place; anomalies that begin at the same tick are one."""
     begun = [in_words(event.kind) for event in events if isinstance(event, AnomalyBegan)]
     if begun:
         yield PlacedEvent("anomaly", ", ".join(begun), events[0].t_s, events[0].elapsed_s)

@@ -121,7 +121,7 @@ def table_rows(records: Iterable[AnyRecord]) -> Iterator[Row]:
 
 
 def _columns_of(record: AnyRecord) -> Row:
-    """Return the columns of what a record says; none of one that is told in words, or that is in every part."""
+    """Return the columns of a record; none of one that is written in words, or that is in every part."""
     if isinstance(record, Tick):
         return _flat(record.memory | msgspec.structs.asdict(record), "")  # a key of the log's own counts
     if (name := BESIDE.get(type(record))) is None:

@@ -1,4 +1,4 @@
-"""Times of a log: the wall clock, which only this module of the field code reads, and how times are told."""
+"""Times of a log: the wall clock, which only this module of the field code reads, and how times are written."""
 
 from __future__ import annotations
 

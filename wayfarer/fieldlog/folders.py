@@ -59,7 +59,7 @@ def new_run_folder(logs: Path, *, needed: bool = True) -> Path:
 
     Args:
         logs: the folder of all logs.
-        needed: if not, whatever the disk does, only the folder's path is returned if it cannot be made at once; the
+        needed: if not, and the folder cannot be made at once, only its path is returned; the
             log's sink makes it when that is possible. If the other runs could not be seen, its number may be that of
             one of them.
 
@@ -184,7 +184,7 @@ def _run_at(path: Path, logs: Path, runs: list[Path]) -> Path:
 
 
 def no_run(folder: Path) -> str:
-    """Return why a folder is no run."""
+    """Return why a folder is not a run."""
     if (folder / "run.jsonl").exists():
         return f"{folder}: its log is of an older wayfarer (run.jsonl): read it with that one"
     return f"{folder} is not a run: there is no {part_name(1)} in it"

@@ -121,7 +121,7 @@ class FieldLog(RunLog):
             if isinstance(fields, TickRecord):
                 fields = tick_fields(fields)
             line = encode(kind(n=self._number, **self._stamp(), **fields))
-        except Exception:  # a third party's memory() or decision, or a key that is no text; no log is worth a run
+        except Exception:  # a third party's memory() or decision, or a key that is not text; no log is worth a run
             self._unmade += 1  # its number is missing, which a reader sees
             return
         self._sink.put(line, urgent)

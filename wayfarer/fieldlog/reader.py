@@ -32,8 +32,8 @@ PART_BYTES = 4_000_000_000  # of a part are read, at most: twice what ``part_mb`
 LINE_BYTES = 1_000_000  # far more than any record: the header of a simulated forest has 20,000
 PACKED_BYTES = 200_000_000  # unpacked, to find the end of a part: a second of work
 BROKEN_LINES = 20_000  # of a run are skipped, at most: a file of garbage is not read for hours
-DEPTH = 100  # of a record: what is nested without an end can neither be shown nor written again
-FIRST_LINES = 16  # of a part are its beginning: if some of them are broken, the others still tell when it was
+DEPTH = 100  # of a record: what is nested without an end cannot be shown or written again
+FIRST_LINES = 16  # of a part are its beginning: if some of them are broken, the others still say when it was
 CANNOT_BE_READ = (OSError, EOFError, zlib.error)  # the latter two: a packed file without its end, or a damaged one
 GZIP = b"\x1f\x8b"  # begins what gzip has packed
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # an editor may have put it there
@@ -124,7 +124,7 @@ class Lines:
         return record if self._goes_on(record.n) else None
 
     def _count(self, line: bytes, error: str, *, of_a_hole: bool) -> None:
-        """Count a line that is no record: torn, or JSON of an unknown kind or with a value that cannot be."""
+        """Count a line that is not a record: torn, or JSON of an unknown kind or with a value that cannot be."""
         try:
             said = msgspec.json.decode(line)
         except (ValueError, RecursionError):
@@ -184,7 +184,7 @@ class RunReader:
 
     Args:
         run: a run's folder, or one file of a log.
-        beginnings: read only the first lines of each part, quickly whatever is in it.
+        beginnings: read only the first lines of each part; quick for any content.
 
     Raises:
         BadInput: the folder cannot be read, or there is no log in it; while iterating, another wayfarer has written it,
@@ -225,7 +225,7 @@ class RunReader:
 
 
 def first_record(run: Path) -> AnyRecord:
-    """Return the first record of a run; quickly, whatever is in its folder.
+    """Return the first record of a run; quickly, with anything in its folder.
 
     Raises:
         BadInput: as of ``RunReader``.

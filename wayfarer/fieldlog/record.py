@@ -368,7 +368,7 @@ def encode(record: Record) -> bytes:
     """
     try:
         return _encoder.encode(record)
-    except UnicodeEncodeError:  # half a character, as in the name of a file that is no UTF-8
+    except UnicodeEncodeError:  # half a character, as in the name of a file that is not UTF-8
         return _encoder.encode(escape_document(msgspec.to_builtins(record, enc_hook=_as_json)))
 
 

@@ -161,7 +161,7 @@ class Rerun:
         self._applied = WheelCommand(tick.applied_left, tick.applied_right)
 
     def _take_event(self, event: Event) -> None:
-        """Keep what people asked for until its time; what the next tick is told is told in the order of the log."""
+        """Keep what people asked for until its time; the next tick gets its inputs in the order of the log."""
         if event.name == "board_silent":
             self._inbox.put_board(BoardReport(event.t_s, None, error=str(event.data["error"])))
         elif event.name == "power":

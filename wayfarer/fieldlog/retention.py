@@ -1,9 +1,9 @@
 """Deletes the oldest runs while all together take more than a person has set; otherwise nothing is ever deleted.
 
-The oldest is the one with the lowest counter, whatever a clock says. Never deleted: the newest run, one that a process
-writes, and a folder that is not exactly a run: another name or a longer one (a person wrote behind the counter), a
-symlink, another user's folder, or one with any other file in it, but for its report. So the file ``keep``, which
-``wayfarer mark`` makes, keeps a run.
+The oldest is the one with the lowest counter; clocks do not count. These runs are never deleted: the newest, one that a
+process writes, and a folder that is not exactly a run: another name or a longer one (a person wrote behind the
+counter), a symlink, another user's folder, or one with any other file in it, but for its report. So the file ``keep``,
+which ``wayfarer mark`` makes, keeps a run.
 
 One run after the other: its folder is renamed, looked at again, and then emptied. A power cut leaves a run that is
 whole, or a hidden folder that no tool takes for a run and that the next deletion removes.
@@ -144,7 +144,7 @@ def _delete(logs: int, name: str) -> bool:
 
 @contextmanager
 def _opened(path: Path | str, within: int | None = None) -> Iterator[int]:
-    """Give a folder's descriptor, by which its files are named whatever becomes of its path; within one, no symlink."""
+    """Yield a folder's descriptor, by which its files are named even if its path changes; within one, no symlink."""
     flags = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | (0 if within is None else os.O_NOFOLLOW)
     folder = os.open(path, flags, dir_fd=within)
     try:

@@ -38,7 +38,7 @@ BACK_OFF, FOLLOW, TURN_AWAY = Phase.BACK_OFF.value, Phase.FOLLOW.value, Phase.TU
 MANOEUVRES = {phase.value for phase in Phase} - {FOLLOW, Phase.HALT.value, Phase.MANUAL.value}
 RECOVERY = "ladder."  # its decisions take the wheels from the algorithm: its drives are in no episode
 SIDES = {1.0: "right", -1.0: "left"}  # tau: clockwise is to the right
-BATTERY_FALL_V = 0.1  # below the lowest told so far; a battery sags under load and comes back
+BATTERY_FALL_V = 0.1  # below the lowest reported so far; a battery sags under load and comes back
 BATTERY_RISE_V = 1.0  # another battery
 
 
@@ -105,7 +105,7 @@ class BoardFaults(Change):
 
 @dataclass(slots=True)
 class BatteryChanged(Change):
-    """The battery's voltage is lower than any told so far, or the battery was changed."""
+    """The battery's voltage is lower than any reported so far, or the battery was changed."""
 
     battery_v: float
 
@@ -170,7 +170,7 @@ class RunState:
     ``last`` is the newest record, ``elapsed_s`` its time, and ``lasted_s`` the latest of all: a position is a little
     older than the record before it. Before the first header or tick, those are records without values. ``period_s`` is
     the time between the last two ticks, NaN if records are missing between them; ``measured_m_s`` the speed by the last
-    reading of the motion sensor that could tell, NaN after ``GAP_S``.
+    reading of the motion sensor that is evidence, NaN after ``GAP_S``.
 
     ``place`` is the latest by dead reckoning, and ``start`` where the rover was first armed, if that is in the log
     (``from_start``; None: it was not armed yet). ``driven_m`` is the true way of a simulated rover, None of any other.
@@ -242,7 +242,7 @@ class RunFold:
         self._measured_t_s = nan
 
     def add(self, record: AnyRecord) -> list[Told]:
-        """Take the next record, and return what it tells: first what was read, then what changed."""
+        """Take the next record, and return what it says: first what was read, then what changed."""
         state = self.state
         state.last = record
         state.elapsed_s = record.elapsed_s

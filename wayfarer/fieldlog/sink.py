@@ -36,8 +36,8 @@ BATCH = 256  # lines, written with one call
 QUEUE_BYTES = 4_000_000  # at 14 kB per second, nearly five minutes of a disk that takes nothing
 URGENT_BYTES = 1_000_000  # beyond them, for urgent lines only
 RELIEF = 1.1  # so much more than ``free_mb`` must be free before ticks are written again
-# O_EXCL makes a new file: nothing is written over, and no symlink is followed. O_APPEND: whatever else happens to the
-# file, a line never lands in the middle of it.
+# O_EXCL makes a new file: nothing is written over, and no symlink is followed. O_APPEND: if anything else happens to
+# the file, a line never lands in the middle of it.
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_APPEND | os.O_CLOEXEC
 
 
@@ -60,7 +60,7 @@ class Parts:
         self._folder = self._file = -1
         self._number = self._size = 0
         self._fit = self._torn = False
-        self._empty: os.stat_result | None = None  # what the newest part is, if there is nothing but the header in it
+        self._empty: os.stat_result | None = None  # what the newest part is, if there is only the header in it
 
     def append(self, lines: Sequence[bytes]) -> int:
         """Write lines, in a new part if need be; return how many went in whole. Without lines only the part is made."""
@@ -182,7 +182,7 @@ class Sink(WaitingThread):
     Args:
         folder: the run's folder; made if it is not there.
         settings: limits in size.
-        tell: takes a line for the person when the log has trouble, and when it is over; must not wait.
+        tell: prints a line for the person when the log has trouble, and when it is over; must not wait.
         clock: gives seconds, to any thread; without it only the caller's thread writes, as in a simulated trial.
         queue_bytes: how much may wait.
     """
@@ -336,7 +336,7 @@ class Sink(WaitingThread):
         self._tell_once(f"{text}; the rover drives on")
 
     def _tell_once(self, text: str) -> None:
-        """Tell a text; again only after all was well."""
+        """Print a text; again only after all was well."""
         with self._changed:
             new = text not in self._told
             self._told.add(text)

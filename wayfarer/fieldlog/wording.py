@@ -1,4 +1,4 @@
-"""Texts for what a log tells beside its events, which bring their own, in one line of a terminal. Pure.
+"""Texts for the records of a log that are not events (an event has its own text), one terminal line each. Pure.
 
 The one place for them: terminal, journal, live page, Foxglove, reports and exports take them from here. The words for
 names of phases, anomalies, levels and conditions are in ``wayfarer.vocabulary``.

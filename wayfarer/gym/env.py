@@ -208,7 +208,7 @@ class ForestMap:
 Array = NDArray[np.float32]
 
 TRIALS = 1_000_000  # each in another layout
-HELD_BACK = 1000  # never drawn: the trials that ``wayfarer sim`` measures algorithms on are no training ground
+HELD_BACK = 1000  # never drawn: the trials that ``wayfarer sim`` measures algorithms on are not for training
 FREE_MAX_M = 10.0  # what is further back is long ago: the longest stride of the Lévy walk
 
 # Rewards. A metre towards the goal line counts 1, and a second costs what makes standing still never pay: a trial of

@@ -21,7 +21,7 @@ ALIVE_S = 5.0  # a log without an outcome that was written to so recently is of 
 
 
 class RunRow(NamedTuple):
-    """One run in a few words; a value that its log does not tell is None.
+    """One run in a few words; a value that its log does not have is None.
 
     ``run`` is the name of the folder and ``number`` the number in it. ``trial`` is the number of a simulated trial,
     which has virtual time and no ``began_wall_s``, seconds since 1970. ``outcome`` is the reason why it ended, or
@@ -73,7 +73,7 @@ SPARED = ("MB", "rover", "algorithm", "episodes")  # what a narrow terminal goes
 def rows(logs: Path, now_wall_s: float) -> list[RunRow]:
     """Return a row for each run in the folder of all runs, in the order of ``run_folders``.
 
-    ``now_wall_s`` is the wall time, which tells a run that goes on from one that was cut off.
+    ``now_wall_s`` is the wall time; it distinguishes a run that goes on from one that was cut off.
     """
     return [row_of(run, now_wall_s) for run in run_folders(logs)]
 

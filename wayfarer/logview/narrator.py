@@ -42,12 +42,12 @@ WIDEST = max(map(len, PHASE_TEXTS.values()))  # characters
 
 TextAndTone = tuple[str, Tone]
 Change = PhaseChanged | AnomalyBegan
-# What algorithms of the catalogue remember, which has names of its own in all viewers.
+# What algorithms of the catalogue remember; all viewers have separate names for it.
 NAMED = {"counter_deg", "side", "turn_deg", "episodes", "blocked_turns", "turn_from_duty"}
 
 
 class Verbosity(Enum):
-    """What is told of the control ticks: changes, changes and a status now and then, or every tick."""
+    """What is printed of the control ticks: changes, changes and a status now and then, or every tick."""
 
     CHANGES = "changes"
     STATUS = "status"
@@ -69,7 +69,8 @@ class RunNarrator:
     """Turns what ``RunFold`` yields of a run into lines.
 
     Args:
-        verbosity: what is told of the control ticks. With ``CHANGES`` a line is told only if something has changed.
+        verbosity: what is printed of the control ticks. With ``CHANGES`` a line is printed only if something has
+        changed.
     """
 
     def __init__(self, verbosity: Verbosity) -> None:
@@ -79,7 +80,7 @@ class RunNarrator:
         self._status_t_s = self._position_t_s = float("-inf")
 
     def tell(self, events: Sequence[Told]) -> list[Line]:
-        """Return the lines for what a record tells; most records have none."""
+        """Return the lines for a record; most records have none."""
         change = next((event for event in events if isinstance(event, Change)), None) if len(events) > 1 else None
         lines = [Line(event.elapsed_s, *text) for event in events for text in self._texts(event, change)]
         return [line for line in lines if line.tone is not Tone.QUIET or self._verbosity is not Verbosity.CHANGES]
@@ -205,7 +206,7 @@ def log_lines(event: Told) -> Iterator[LogLine]:
     if type(event) not in LOG_NAMES:
         return
     name = event.name if isinstance(event, Event) else LOG_NAMES[type(event)]
-    if isinstance(event, AnomalyBegan):  # a terminal tells it with its tick
+    if isinstance(event, AnomalyBegan):  # a terminal prints it with its tick
         yield LogLine(name, sentence(met([event.kind], event.phase)), Tone.WARNING)
     for text, tone in happened(event):
         yield LogLine(name, text, tone)
@@ -217,9 +218,9 @@ class Console:
     A trial has virtual time: its lines have the time since it began, as everywhere else.
 
     Args:
-        hint: what to do with a rover that is ready; told once it is. Empty for none.
+        hint: what to do with a rover that is ready; printed when it is. Empty for none.
         write: takes a line for stderr, and must not wait.
-        then: the command that comes next, told with the run's folder at its end; empty for none.
+        then: the command that comes next, printed with the run's folder at its end; empty for none.
     """
 
     def __init__(self, hint: str, write: Callable[[str], None], then: str = "") -> None:
@@ -232,7 +233,7 @@ class Console:
     def show(self, record: AnyRecord) -> None:
         """Take a record; if nothing has changed, nothing is written."""
         if isinstance(record, Outcome) and record.reason == "failed":
-            return  # the command itself tells of its error
+            return  # the command itself prints its error
         lines = self._narrator.tell(self._fold.add(record))
         in_trial = self._fold.state.header.trial is not None
         at = duration_text(record.elapsed_s, 1) if in_trial else local_time(record.t_wall, "%H:%M:%S")

@@ -1,8 +1,8 @@
 """The colours of everything that shows a run: the same on light and on dark ground. Pure.
 
-M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, which white paper swallows. VIOLET is ours:
-of all colours it is the farthest from the others for every eye. Each colour has a contrast of 3 or more to ``PAPER``
-and to ``NIGHT`` (WCAG 2.1, 1.4.11), and all that are drawn in one map can be told apart by colour-blind people too
+M. Okabe, K. Ito, "Color Universal Design", 2008, without their light hues, which are hardly seen on white paper. VIOLET
+is ours: of all colours it is the farthest from the others for every eye. Each colour has a contrast of 3 or more to
+``PAPER`` and to ``NIGHT`` (WCAG 2.1, 1.4.11), and colour-blind people can distinguish all that are drawn in one map too
 (G. Machado, 2009; ``tests/logview/test_palette.py`` computes both). ORANGE, SKY and SAND are for marks with a dark edge
 only. MAGENTA, RED, SKY, SAND and INDIGO were searched for: of all colours they are far from the others.
 """
@@ -30,8 +30,8 @@ PHASE_COLOURS: Mapping[str, str] = {
 }  # a rover that stands draws no path
 STANDS = RECKONED = GREY  # no phase that moves, and the path by dead reckoning
 
-# Told apart by shape: Bokeh's name, and by how many degrees it is turned to the left. The triangles point to where the
-# body tips.
+# Distinguished by shape: Bokeh's name, and by how many degrees it is turned to the left. The triangles point to where
+# the body tips.
 ANOMALY_MARKERS: Mapping[str, tuple[str, float]] = {
     Anomaly.IMMOBILISED.value: ("circle", 0.0),
     Anomaly.NOSE_UP.value: ("triangle", 0.0),

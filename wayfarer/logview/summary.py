@@ -22,8 +22,8 @@ from wayfarer.safety.settings import SafetySettings
 from wayfarer.vocabulary import in_words, outcome_in_words, whole_deg
 
 NO_OUTCOME = "no outcome: the run was cut off, or is still running"
-LATE_S = SafetySettings().tick_late_s  # if a header does not tell
-# The events that tell of something that failed; ``sensor_failed`` is counted by sensor.
+LATE_S = SafetySettings().tick_late_s  # if a header does not say
+# The events that mean that something failed; ``sensor_failed`` is counted by sensor.
 FAILURES = {
     "board_silent", "light_failed", "part_failed", "motors_failed", "motors_not_opened", "loop_stalled",
     "stop_not_confirmed", "close_hangs", "control_error", "viewer_failed",
@@ -241,7 +241,7 @@ def summary_text(run: str, summary: RunSummary, damage: Damage) -> str:
 
 
 def summary_facts(run: str, summary: RunSummary, damage: Damage, *, utc: bool = False) -> list[tuple[str, list[str]]]:
-    """Return the titles of what there is to tell of a run, each with its lines; ``utc``: not in the local time."""
+    """Return the parts of a summary, each title with its lines; ``utc``: not in the local time."""
     silent = {f"{sensor} did not answer": count for sensor, count in summary.sensor_failures.items()}
     facts: list[tuple[str, Iterable[str]]] = [
         ("run", [run, _about(summary)]),

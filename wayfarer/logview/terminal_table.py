@@ -51,7 +51,7 @@ def table(columns: Sequence[Column[T]], rows: Iterable[T] = (), *, gap: int = 2)
 
 
 def add_row(made: Table, cells: Iterable[str | Text], style: str = "") -> None:
-    """Add a row to a table. Brackets in a cell are no markup: ``[own]`` is a name, ``[95 %]`` an interval."""
+    """Add a row to a table. Brackets in a cell are not markup: ``[own]`` is a name, ``[95 %]`` an interval."""
     made.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in cells), style=style)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import dist
 
-MOVED_M = 0.005  # a change of phase on the spot is no piece of the path
+MOVED_M = 0.005  # a change of phase on the spot is not a piece of the path
 
 Point = tuple[float, float, str]  # metres east and north, and the phase in which the rover came there
 

@@ -271,7 +271,7 @@ LOOK: Mapping[str, Any] = {"marker": "shape", "angle": "turned", **EDGE}
 
 
 class EventMark(NamedTuple):
-    """Something at a time: its layer, what a pointer is told of it, and the shape and the turn of its mark."""
+    """Something at a time: its layer, what a pointer shows of it, and the shape and the turn of its mark."""
 
     t_s: float
     layer: str
@@ -316,7 +316,7 @@ def worded_events(data: RunData) -> Iterator[tuple[Event | Silence, str]]:
 
 
 def is_trouble(event: Event | Silence) -> bool:
-    """Return whether an event tells of something that went wrong; a hold that an operator asked for did not."""
+    """Return whether an event means that something went wrong; a hold that an operator asked for does not."""
     operator_hold = isinstance(event, Event) and event.data.get("cause") == "operator_hold"
     return _line(event)[1] in (Tone.WARNING, Tone.FAULT) and not operator_hold
 

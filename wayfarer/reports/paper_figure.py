@@ -29,7 +29,7 @@ STYLE: Mapping[Any, Any] = {
     "svg.fonttype": "none", "svg.hashsalt": "wayfarer", "pdf.fonttype": 42,  # TrueType: publishers refuse Type 3
     "font.family": "DejaVu Sans", "font.size": 7.0, "axes.linewidth": 0.6, "axes.spines.top": False,
     "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False, "figure.constrained_layout.use": True,
-    "text.parse_math": False,  # the name of an algorithm is no formula
+    "text.parse_math": False,  # the name of an algorithm is not a formula
 }  # fmt: skip
 DASHED: Mapping[str, Any] = {"linestyle": (0, (5, 3)), "linewidth": 0.9}
 

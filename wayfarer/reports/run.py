@@ -33,7 +33,7 @@ from wayfarer.reports.panels import draw_panels
 from wayfarer.vocabulary import in_words, response_text, whole_deg
 
 ROWS = 500  # of a table; the log has all of them
-LAST_GOALS = 5  # as many are told
+LAST_GOALS = 5  # as many are shown
 NO_WAY = "The log has no heading, so the path of the rover is unknown."
 NO_TICKS = "No time series: the log has no control ticks, or ticks without values."
 NO_FOREST = "The log is of a simulated run, but its forest or its true path is missing or cannot be read."
@@ -165,7 +165,7 @@ def own_settings_table(data: RunData) -> Markup:
     """Return the keys of a run's rover file whose values are not the defaults, or which have none."""
     settings, usual = flat(data.header.config or {}), default_settings()
     if not settings:
-        return html.paragraph("The log does not tell the rover file.")
+        return html.paragraph("The log does not have the rover file.")
     rows = [
         ("setting", (key, _text(value), _text(usual[key])))
         for key, value in settings.items()
@@ -194,7 +194,7 @@ def _text(value: Any) -> str:
 
 
 def run_facts(data: RunData, folder: str) -> Iterator[tuple[str, str]]:
-    """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` tells it. Times are UTC."""
+    """Yield what ran, when, how far and how it ended, as ``wayfarer logs summary`` does. Times are UTC."""
     for title, lines in summary_facts(folder, data.summary, data.damage, utc=True):
         yield title, "\n".join(lines)
     goals = [goal for goal, _ in groupby(f"{whole_deg(goal_deg)}°" for _, goal_deg in data.goals)]
@@ -219,7 +219,7 @@ def anomalies_table(data: RunData) -> Markup:
 def episodes_table(data: RunData) -> Markup:
     """Return the episodes, in their order."""
     if not data.episodes:
-        return html.paragraph("There was no escape episode: the rover followed its goal all the time.")
+        return html.paragraph("There was no escape episode: the rover always followed its goal.")
     rows = [("", _episode(number, each)) for number, each in enumerate(data.episodes[:ROWS], start=1)]
     caption = "Episodes: from an anomaly until the goal was followed again."
     head = ("no.", "began", "first turn", "turns", "lasted, s", "distance, m", "how it ended")

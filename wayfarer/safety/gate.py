@@ -59,7 +59,7 @@ class Gate:
         return self._open
 
     def limit(self, wanted: WheelCommand) -> WheelCommand:
-        """Return what the wheels may get in this tick; a command that is no number stops them and is a fault."""
+        """Return what the wheels may get in this tick; a command that is not a number stops them and is a fault."""
         if not self._open:
             return STOP
         left, right = wanted.left, wanted.right

@@ -125,9 +125,9 @@ class Mission:
     def position(self, fix: PositionFix) -> None:
         """Take a fix. Impossible fixes are ignored (fault catalogue, fault 8).
 
-        The start is worked out backwards from the fix that tells it best: a receiver that has just been switched on is
-        off by tens of metres, and says so. A fix tells the start as well as its own error and the dead reckoning since
-        the start allow; the first counts until there is a better one. After a person has driven, none is better.
+        The start is computed backwards from the best fix: a receiver that has just been switched on is off by tens of
+        metres, and says so. The start is as exact as the fix and the dead reckoning since the start; the first counts
+        until there is a better one. After a person has driven, none is better.
 
         A fix that is read several times, because the receiver is slower than the reading, counts once.
         """

@@ -122,6 +122,6 @@ class EntrapmentSettings:
     """A free run is so far commanded ahead without an anomaly."""
     covered_m: Annotated[float, Interval(ge=0.001, le=1)] = 0.02
     """What the motion sensor must see of a free run. Its largest readings are not counted, so that single wild readings
-    are no progress."""
+    are not progress."""
     give_up: bool = False
     """End the mission with a fault if there is no progress, instead of climbing the ladder."""

@@ -76,7 +76,7 @@ class Moved:
     positive ahead and to the right, degrees clockwise.
 
     * Commanded: ``commanded_m`` ahead, less what was commanded back; ``way_m`` both added; ``pushed_m`` the mean way of
-      the sides, whatever their direction; ``led_m`` how much further the left side went than that of the body's middle.
+      the sides, in any direction; ``led_m`` how much further the left side went than that of the body's middle.
     * ``driven_s``: how long the wheels obeyed, of the time between the two readings.
     * Seen: ``turned_deg`` by the heading; ``forward_m`` and ``right_m`` by the sensor if it is ``known``, else 0. A
       sensor that sees no direction is not ``signed``: ``forward_m`` then has the sign of the wheels. ``counted_m`` is

@@ -117,7 +117,7 @@ def chip_of(part: str, table: Mapping[str, Any]) -> tuple[SimulatedChip | None, 
     """Return how a part of a rover file is simulated, None if its driver has no chip, and its settings.
 
     Raises:
-        BadInput: a third party's chip cannot be imported, or is no ``SimulatedChip``.
+        BadInput: a third party's chip cannot be imported, or is not a ``SimulatedChip``.
     """
     driver, settings = part_settings(part, table)
     name = driver_name(table)

@@ -35,7 +35,7 @@ FIX_ERROR_M: Final = 3.0  # standard deviation of each axis under trees; chosen 
 class SimPart:
     """Life cycle shared by all simulated parts: opening one takes the clock of the running loop.
 
-    None waits when it is read or commanded: ``read_without_waiting`` and ``drive_without_waiting`` are no coroutines.
+    None waits when it is read or commanded: ``read_without_waiting`` and ``drive_without_waiting`` are not coroutines.
     """
 
     name = "simulated part"

@@ -88,7 +88,7 @@ class FakeInput:
         return self._sees(self._pin)
 
     def close(self) -> None:
-        """Let go of the pin."""
+        """Release the pin."""
         pin, self._pin = self._pin, None
         if pin is not None:
             pin.listeners.remove(self._changed)

@@ -229,7 +229,7 @@ class GroundCamera:
     """A camera above the middle of the rover, the picture's top ahead.
 
     ``render`` is what ``buses.FakeBuses.cameras`` wants. ``m_per_pixel`` is the ground that one pixel shows, in
-    metres, and also the finest detail of the ground: finer detail would be nothing but noise. If ``Senses`` have
+    metres, and also the finest detail of the ground: finer detail would be only noise. If ``Senses`` have
     blind ground, the picture is black.
     """
 

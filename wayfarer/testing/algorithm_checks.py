@@ -253,7 +253,7 @@ async def _memory_has_counter_and_episodes(algorithm: Algorithm) -> None:
             for key in ("counter_deg", "episodes"):
                 value = memory.get(key)
                 if not (isinstance(value, float | int) and isfinite(value)):
-                    raise AssertionError(f"memory() has {key} = {value!r}, which is no finite number: {memory}")
+                    raise AssertionError(f"memory() has {key} = {value!r}, which is not a finite number: {memory}")
             for key, value in memory.items():
                 if not isinstance(value, float | int | str):
-                    raise AssertionError(f"memory() has {key} = {value!r}, which is neither a number nor a text")
+                    raise AssertionError(f"memory() has {key} = {value!r}, which is not a number or a text")

@@ -51,9 +51,9 @@ _CUT_OFF = {"nack", "hang", "silent"}  # kinds that let no stop through to the m
 class Result(NamedTuple):
     """How a scenario's faults were met.
 
-    ``reached`` is the severest level of what counts as an answer, and ``cause`` what told it. ``detected_s`` and
+    ``reached`` is the severest level of what counts as an answer, and ``cause`` what reported it. ``detected_s`` and
     ``stopped_s`` are seconds from the beginning of the first fault to that answer and to the first stop command, 0 if
-    the wheels were stopped already; None if there is none. ``changed`` says what the field code read, or was told,
+    the wheels were stopped already; None if there is none. ``changed`` says what the field code read, or received,
     that it would not have without the faults. ``problems`` is empty if all was as expected.
     """
 
@@ -172,7 +172,7 @@ class _Response:
         return worst
 
     def _stopped_s(self, wanted: list[Answer]) -> float | None:
-        """Return the delay to the first stop command from a hold on; 0 if the wheels were stopped all the time."""
+        """Return the delay to the first stop command from a hold on; 0 if the wheels were stopped the whole time."""
         holds_s = min((answer.t_s for answer in wanted if answer.level >= ResponseLevel.HOLD), default=None)
         if holds_s is None:
             return None
@@ -257,7 +257,7 @@ def first_difference(recorder: RunRecorder, well: RunRecorder) -> FaultEffect | 
 
 
 def _differences(recorder: RunRecorder, well: RunRecorder) -> Iterator[FaultEffect]:
-    """Give the first difference of each kind, those that tell most first."""
+    """Return the first difference of each kind, those that say most first."""
     ticks = [(tick.t_s, tick.snapshot) for tick in recorder.ticks]
     well_ticks = [(tick.t_s, tick.snapshot) for tick in well.ticks]
     for t_s, now, then in _first(ticks, well_ticks, recorder.ended_s):

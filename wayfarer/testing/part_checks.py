@@ -138,7 +138,7 @@ async def _missing_hardware_is_told(unreachable: Make) -> None:
         if not str(error):
             raise AssertionError("open() without hardware failed without a text") from None
     except Exception as error:
-        raise AssertionError(f"open() without hardware raised {error!r}, which is no DriverError") from error
+        raise AssertionError(f"open() without hardware raised {error!r}, which is not a DriverError") from error
     else:
         raise AssertionError("open() without hardware did not fail; it must speak to the part")
 
@@ -266,7 +266,7 @@ HALTS = "It never raises and never blocks."
 
 @asynccontextmanager
 async def _driving(make: Make, command: WheelCommand = GENTLE) -> AsyncIterator[tuple[DriveMotors, WheelCommand]]:
-    """Give open motors and what they applied of a command; stop them whatever happens."""
+    """Yield open motors and what they applied of a command; they are stopped also after an error."""
     async with _opened(make()) as motors:
         try:
             yield motors, await motors.drive(command)

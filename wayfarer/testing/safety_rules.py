@@ -235,7 +235,7 @@ class SafetyRules(RunLog):
             self._break(t_s, f"rule 4: duties of {record.applied} were applied")
 
     def _check_reason(self, record: TickRecord, *, moves: bool) -> None:
-        """Note what stops moving wheels; what the gate stopped must be told by the next tick (``_check_told``)."""
+        """Note what stops moving wheels; the log must name the gate's reason by the next tick (``_check_told``)."""
         if moves and self._why_since_s < record.t_s:  # else it is a reason to stop from the next tick on
             self._why_stopped = None
         elif self._moved and not moves:

@@ -1,7 +1,7 @@
 """A scenario as data: the rover, the faults and their times, operator commands, and expectations; and files of them.
 
 Its rover is a rover file with the scenario's settings laid over it. A file holds one or many ``[[scenario]]``, each
-with its ``[[scenario.fault]]``; ``docs/reference/faults.md`` has one. What is wrong with a file is told in one line:
+with its ``[[scenario.fault]]``; ``docs/reference/faults.md`` has one. What is wrong with a file is one line:
 file, scenario, key, what is allowed, and on which line it is.
 """
 
@@ -77,12 +77,12 @@ class Command:
 class Expectation:
     """What must come of the faults.
 
-    ``level`` is the severest level that is reached, ``causes`` the conditions or events of which one must tell it
+    ``level`` is the severest level that is reached, ``causes`` the conditions or events of which one must report it
     (none: any). It must be there ``within_s`` after the first fault begins, and at S2 and above the wheels must have
     been commanded to stop by then. ``event`` must be in the log. The run must end by one of the reasons in ``ends``.
     ``answer`` names events of the escape logic (``follow.anomaly``) of which one must come ``within_s``, ``never`` what
-    must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. If the
-    motor board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.
+    must not come: events, conditions, answers. No two ticks may be further apart than ``ticks_within_s``. If the motor
+    board stops the wheels sooner than the rover notices anything, ``stands_within_s`` is the bound for that.
     """
 
     level: ResponseLevel

@@ -93,7 +93,7 @@ async def test_daemon_is_found_where_it_may_be(path: Path, daemon: FakeDaemon, m
 
 
 def test_text_that_is_no_utf_8_is_refused_in_a_line(path: Path) -> None:
-    with pytest.raises(BadInput, match=r"no text in UTF-8: .*bad \\udcff"):
+    with pytest.raises(BadInput, match=r"not text in UTF-8: .*bad \\udcff"):
         ask({"do": "mark", "text": "bad \udcff"}, path)
 
 
@@ -182,7 +182,9 @@ def test_daemon_that_does_not_even_accept_is_reported_in_time(path: Path) -> Non
     ],
 )
 def test_something_else_at_the_socket_is_reported(path: Path, says: bytes) -> None:
-    told = "the program that answers there is no wayfarer daemon: b" if says else "without an answer: it may be ending"
+    told = (
+        "the program that answers there is not a wayfarer daemon: b" if says else "without an answer: it may be ending"
+    )
     with something_else(path, says), pytest.raises(WayfarerError, match=told):
         ask(STATUS, path)
 
@@ -195,7 +197,7 @@ def test_answer_counts_though_the_daemon_says_at_once_why_it_closes(path: Path) 
 def test_answer_without_end_is_cut_off(path: Path) -> None:
     with (
         something_else(path, b"x" * 10_000_000) as errors,
-        pytest.raises(WayfarerError, match="is no wayfarer daemon"),
+        pytest.raises(WayfarerError, match="is not a wayfarer daemon"),
     ):
         ask(STATUS, path)
     assert len(errors) == 1

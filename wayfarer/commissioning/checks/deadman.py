@@ -1,7 +1,7 @@
 """Checks of the deadman: it stops the wheels by itself, and a person has seen that.
 
 A board that can be asked says at each opening whether its deadman is armed. Of one that cannot, such as a Sabertooth,
-only a person who watches the wheels can tell: ``wayfarer check`` asks one, and the answer is kept in the calibration
+only a person who watches the wheels can say: ``wayfarer check`` asks one, and the answer is kept in the calibration
 file. It counts for the very board and settings that it was given with.
 """
 
@@ -34,8 +34,8 @@ COUNT = (
 DEADMAN_DUTY = 0.2
 DRIVE_S = 0.5
 DEADMAN_MARGIN_S = 0.15  # how late a deadman may be
-WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enough for an eye to tell
-SILENCE_MAX_S = 5.0  # wheels that nobody commands do not turn for longer, whatever deadman the rover file asks for
+WATCH_S = 2.5  # how much longer wheels turn if the deadman does not trip: enough for an eye to see
+SILENCE_MAX_S = 5.0  # wheels without commands do not turn for longer, for any deadman in the rover file
 NO_DEADMAN = "the board did not get the timeout, or its timeout does not work"
 NOT_YET = "switch the board off and on and check again; do not let it drive before this is right"
 

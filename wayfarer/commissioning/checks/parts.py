@@ -1,7 +1,7 @@
 """Checks of the parts: each opens, answers, and gives plausible readings. No wheel turns.
 
 A part that does not answer is one failure, not five: what else would be asked of it is skipped. Of a motor board that
-cannot be asked, neither its battery nor its outputs are called in order.
+cannot be asked, its battery and its outputs are not called in order.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ NO_FIX = NoFix("no fix", "no free view of the sky, or just switched on", "wait s
 
 
 def part_failed(inspection: Inspection, name: str, part: str, error: DriverError) -> Finding:
-    """Return that a part failed: for want of a library or a device file, or as the kind of error tells.
+    """Return that a part failed: a library or a device file is missing, or what the kind of error says.
 
-    If the device file is a failure already, the part is skipped: one cause is told once.
+    If the device file is a failure already, the part is skipped: one cause is reported once.
     """
     if isinstance(error, NotInstalled):  # whether there is a device file does not matter yet
         return fail(name, error.what, error.remedy)

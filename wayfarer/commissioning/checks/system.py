@@ -210,7 +210,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
     """Check that the log of this run is being written: a mission that nobody can look at is not begun (fault 40).
 
     Args:
-        trouble: tells why records are lost at present, None if they are not.
+        trouble: returns why records are being lost, None if they are not.
         inspection: not looked at.
     """
     text = trouble()
@@ -220,7 +220,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
 
 
 async def clock(inspection: Inspection) -> Finding:
-    """Check that the wall clock was set; nothing but the names and dates in logs depends on it."""
+    """Check that the wall clock was set; only the names and dates in logs depends on it."""
     now = datetime.fromtimestamp(inspection.host.t_wall, UTC)
     if inspection.host.t_wall < CLOCK_SET_S:
         return warn(
@@ -243,7 +243,7 @@ SLOW_SYNC_MS = 2000.0
 
 
 class CardHealth(NamedTuple):
-    """How the disk of the logs is mounted, None if this computer does not tell; ``disk_memory``: empty on a disk."""
+    """How the disk of the logs is mounted, None if this computer does not say; ``disk_memory``: empty on a disk."""
 
     disk_read_only: bool | None = None
     disk_memory: str | None = None
@@ -272,7 +272,7 @@ def card_troubles(health: CardHealth, sync_ms: float = 0.0) -> list[Finding]:
          "see which (iotop), else replace the card"),
         (health.disk_memory, "memory",
          f"the logs are in memory ({health.disk_memory}), lost at power-off: the root is read-only, or it is a tmpfs",
-         "log to a partition that is written, such as one of its own at /var/lib/wayfarer"),
+         "log to a partition that is written, such as a separate one at /var/lib/wayfarer"),
     )  # fmt: skip
     return [warn(kind, text, remedy) for wrong, kind, text, remedy in told if wrong]
 
@@ -283,5 +283,5 @@ async def card(inspection: Inspection) -> Finding:
     if troubles := card_troubles(health):
         return warn("card", "; ".join(trouble.text for trouble in troubles), troubles[0].remedy)
     if health == CardHealth():
-        return skipped("card", "this computer does not tell what the logs are on")
+        return skipped("card", "this computer does not say what the logs are on")
     return ok("card", "it can be written and keeps the logs")

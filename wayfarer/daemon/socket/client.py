@@ -68,7 +68,7 @@ def _line_of(request: Mapping[str, object]) -> bytes:
     try:
         return msgspec.json.encode(dict(request)) + b"\n"
     except UnicodeEncodeError:  # half a character: a terminal passes on invalid UTF-8 this way
-        raise BadInput(f"the request is no text in UTF-8: {dict(request)!a}") from None
+        raise BadInput(f"the request is not text in UTF-8: {dict(request)!a}") from None
 
 
 def _limit_waiting(connection: socket.socket, timeout_s: float) -> None:
@@ -129,5 +129,5 @@ def _read_reply(place: Path, reply: bytes) -> dict[str, Any]:
     except (BadInput, KeyError):
         why = None
     if not isinstance(why, str) or not why.strip():
-        raise WayfarerError(f"{place}: the program that answers there is no wayfarer daemon: {reply[:40]!r}")
+        raise WayfarerError(f"{place}: the program that answers there is not a wayfarer daemon: {reply[:40]!r}")
     raise RequestRefused(why)

@@ -2,7 +2,7 @@
 
 All that clients can use up is bounded: how many are connected, the length of a line, how long one may leave its answers
 unread. Requests are answered on the loop itself, but only one in a millisecond, and one client is accepted in a
-millisecond, so that neither a flood nor a crowd delays the tick or takes the interpreter from the threads of its buses.
+millisecond, so that many requests or many clients do not delay the tick or the threads of its buses.
 
 A new client always gets in, so a ``stop`` does: if all places are taken, the client that came first loses its place. It
 is silent, has sent half a line, does not read, or can ask again: it had as many milliseconds as there are places. What

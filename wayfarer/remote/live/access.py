@@ -113,7 +113,7 @@ def check_page(peer: str, headers: Mapping[str, str]) -> None:
 
 
 def is_local(peer: str) -> bool:
-    """Return whether an address is a loopback address; a text that is no address is not."""
+    """Return whether an address is a loopback address; a text that is not an address is not."""
     try:
         address = ip_address(peer.partition("%")[0])
     except ValueError:
@@ -124,4 +124,4 @@ def is_local(peer: str) -> bool:
 
 
 def _bytes(token: str) -> bytes:
-    return token.encode(errors="surrogatepass")  # bytes that are no UTF-8 become surrogates
+    return token.encode(errors="surrogatepass")  # bytes that are not UTF-8 become surrogates

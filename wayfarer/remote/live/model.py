@@ -5,7 +5,7 @@ piece of the path, an anomaly, a line about the run, the end. The *state* is how
 the newest. Metres are east and north: of the start if the rover only knows what it dead-reckons, of the forest if
 the run is simulated and so the truth is known.
 
-A slow viewer delays neither another one nor the rover. No viewer has a queue. All share one short list of news and the
+A slow viewer does not delay another one or the rover. No viewer has a queue. All share one short list of news and the
 newest state, and each viewer has a position in that list. It is sent what it lacks once it has acknowledged earlier
 messages. So a viewer with a slow connection gets every piece of news but fewer states, and never an old state. One that
 lacks more than the list holds gets everything again. One that acknowledges nothing is dropped.
@@ -127,7 +127,7 @@ class PageModel:
         }
 
     def _totals(self) -> dict[str, Any]:
-        """Return time and way, as all other views tell them, and from when or by whom they are counted."""
+        """Return time and way, as all other views show them, and from when or by whom they are counted."""
         run = self._fold.state
         in_trial, knows_way = run.header.trial is not None, run.driven_m is not None
         return {

@@ -1,6 +1,6 @@
 """Web server of the live page, on the daemon's loop: the page at ``/`` and a WebSocket at ``/ws``.
 
-It costs the control tick little, whatever its clients do: states go out ten times per second at most, each is encoded
+It costs the control tick little, with any clients: states go out ten times per second at most, each is encoded
 once for all, and all that clients can use up is bounded (``model.ViewerLimits``).
 """
 
@@ -140,7 +140,7 @@ class LivePage:
             self._socket.close()
             await self._end()
 
-    # -- what viewers are told -----------------------------------------------------------------------------------
+    # -- what viewers get ---------------------------------------------------------------------------------------
 
     async def _tell_regularly(self) -> None:
         try:
@@ -152,7 +152,7 @@ class LivePage:
                 self._tell()
                 await asyncio.sleep(REST_S)
         except Exception:
-            _bugs.exception("in telling viewers: the live page is not updated any more")
+            _bugs.exception("in sending to viewers: the live page is not updated any more")
 
     def _tell(self) -> None:
         news = self._model.news()
@@ -202,7 +202,7 @@ class LivePage:
             if len(self._open()) < self._limits.connections or self._make_place():
                 try:
                     await loop.connect_accepted_socket(self._http, connection)
-                except Exception as error:  # whatever it is, the next one gets in
+                except Exception as error:  # for any error, the next client gets in
                     connection.close()
                     if not isinstance(error, OSError | MemoryError):  # it has gone already
                         _bugs.exception("in accepting a connection")
@@ -269,7 +269,7 @@ class LivePage:
         try:
             try:
                 await socket.prepare(request)
-            except ValueError as error:  # aiohttp does not expect headers that are no text
+            except ValueError as error:  # aiohttp does not expect headers that are not text
                 raise web.HTTPBadRequest from error
             self._broadcaster.viewers.add(viewer)
             await session.run()

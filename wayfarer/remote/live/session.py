@@ -6,7 +6,7 @@ page (``access``). An old page cannot either: the request may have waited in a n
 the viewer has gone. So its ``asked_s`` is the newest time that the page had from the daemon (``now_s`` of a state). A
 demo, where no wheels turn, asks for neither. Only its page can pause or change the speed.
 
-A page that drives is never told its lease. It is kept here, with the connection: no other page can use it, and it ends
+A page that drives never gets its lease. It is kept here, with the connection: no other page can use it, and it ends
 when the connection ends. A sample of the pad says when it was taken, on the daemon's clock as the page knows it from
 the answers to earlier samples (``page/rover_clock.js``). That is late by what a message takes to the page, and never
 ahead. So the daemon can refuse what waited in a network or in a busy browser.
@@ -73,7 +73,7 @@ class ManualLease:
         return await self._perform({"do": "manual_drive", "lease": self._lease, **sample})
 
     async def end(self) -> None:
-        """Let go of the wheels; safe if this viewer does not drive."""
+        """Give up the wheels; safe if this viewer does not drive."""
         lease, self._lease = self._lease, None
         if lease is not None:
             with suppress(WayfarerError):  # it has ended already: somebody stopped the rover, or it fell silent
@@ -145,7 +145,7 @@ class ClientSession:
         except ConnectionError:
             pass
         except Exception:
-            _bugs.exception("in telling a viewer what is new")
+            _bugs.exception("in sending a viewer what is new")
 
     async def _receive(self, text: str) -> None:
         """Take an acknowledgement, or do what is asked for and reply."""

@@ -96,7 +96,7 @@ class Budget:
 
 
 class Stream:
-    """Messages that are sent ``rate_hz`` times per second, made of the newest state; ``always``: whatever is left."""
+    """Messages that are sent ``rate_hz`` times per second, made of the newest state; ``always``: at any budget."""
 
     def __init__(self, make: Callable[[], Messages], rate_hz: float, *, always: bool = False) -> None:
         self.make = make
@@ -188,7 +188,7 @@ class GroundStation:
                     self._send(*stream.make())
                 except Exception:  # a bug must not end the others, nor the watch on the link
                     self._streams.remove(stream)
-                    _log.exception("in telling a ground station: this is not told any more")
+                    _log.exception("in sending to a ground station: this is not sent any more")
                 stream.sent(now_s)
         if self._link.is_served and self._texts and self._budget.is_left:
             self._send(*self._texts.pop())

@@ -75,7 +75,7 @@ class FrameReader:
 
 
 def _length(data: bytes, place: int) -> int | None:
-    """Return how long the frame that begins here would be; None if too little is there to tell."""
+    """Return how long the frame that begins here would be; None if too little is there to know."""
     if len(data) < place + 3:
         return None
     signature = SIGNATURE_BYTES if data[place + 2] & SIGNED else 0
@@ -127,20 +127,20 @@ def parse_address(text: str) -> Address:
     where, _, digits = rest.rpartition(":")
     allowed = BAUDS.keys() - {0} if kind == "serial" else PORTS
     if kind not in KINDS or not where:
-        raise BadInput(f"--mavlink {text}: no address of a link; {FORM}")
+        raise BadInput(f"--mavlink {text}: not the address of a link; {FORM}")
     if not (digits.isascii() and digits.isdecimal() and int(digits[:8]) in allowed):
         number = "rate in baud" if kind == "serial" else "port"
-        raise BadInput(f"--mavlink {text}: '{digits}' is no {number}; {FORM}")
+        raise BadInput(f"--mavlink {text}: '{digits}' is not a {number}; {FORM}")
     if kind == "serial":
         return Address(kind, where, int(digits))
     host = where.removeprefix("[").removesuffix("]")
     try:
         return Address(kind, str(socket.getaddrinfo(host, None, type=socket.SOCK_DGRAM)[0][4][0]), int(digits))
     except UnicodeError:
-        raise BadInput(f"--mavlink {text}: {host} is no name of a host; {FORM}") from None
+        raise BadInput(f"--mavlink {text}: {host} is not a host name; {FORM}") from None
     except OSError:
         raise NotThereYet(
-            f"--mavlink: no host {host} is known; give its IP address, which needs neither network nor name server now"
+            f"--mavlink: host {host} is not known; give its IP address, which needs no network and no name server"
         ) from None
 
 
@@ -220,7 +220,7 @@ class UdpPort:
     def serve(self) -> bool:
         """Serve the sender from now on, if it is not on another computer than a named one; return whether it is served.
 
-        A named station gets what is sent at its named port, whatever port it speaks from.
+        A named station gets what is sent at its named port, also if it sends from another one.
         """
         if self._named is None:
             self._station = self.sender
@@ -253,7 +253,7 @@ class SerialPort:
             termios.tcsetattr(self._line, termios.TCSANOW, settings)
         except (OSError, termios.error) as error:
             os.close(self._line)
-            raise OSError(f"{address.where} is no serial line that can be used: {error}") from None
+            raise OSError(f"{address.where} cannot be used as a serial line: {error}") from None
         self._reader = FrameReader()
         self._unsent = b""
 
@@ -316,12 +316,12 @@ class Sender(NamedTuple):
 class Link:
     """One link to one station. ``heard_s`` is the loop's time at which the served station's heartbeat last came.
 
-    The first station that beats is served until it is silent: another one's heartbeats do not tell that it is there.
+    The first station that beats is served until it is silent: another one's heartbeats do not show that it is there.
 
     Args:
         address: where it goes.
         system_id: the rover's number.
-        devices: the device files of the rover's parts, which are no link.
+        devices: the device files of the rover's parts, which are not links.
         on_message: takes each message, and whether its sender is near: on this computer, or on a serial line. Must
             not wait.
     """
@@ -418,6 +418,6 @@ class Link:
                     self._station, self.heard_s = sender, now_s
             self._on_message(message, is_near)
         except common.MAVError:
-            return  # a text that is no UTF-8
+            return  # a text that is not UTF-8
         except Exception:  # a bug must not lose the next frame, which may be a stop
             _log.exception("in taking what a ground station sent")

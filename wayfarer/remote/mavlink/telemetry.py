@@ -1,10 +1,10 @@
-"""What the rover tells a ground station: log records in, MAVLink messages out. Pure.
+"""What the rover sends to a ground station: log records in, MAVLink messages out. Pure.
 
 A message is made when it is due, from the state of the run so far; a record costs no more than the fold.
 
 The numbers of the modes are those of ArduPilot's rovers, because MAVProxy and Mission Planner know the names of these
-for each vehicle of the type ground rover. The autopilot is told as ``GENERIC``: no station may take this for ArduPilot
-or PX4, whose parameters and missions it would then ask for.
+for each vehicle of the type ground rover. The autopilot is reported as ``GENERIC``: no station may take this for
+ArduPilot or PX4, whose parameters and missions it would then ask for.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MODE_MANUAL, MODE_HOLD, MODE_LOITER, MODE_AUTO, MODE_INITIALISING = 0, 4, 5, 10,
 NO_U16: Final = 0xFFFF
 NO_I16: Final = -1
 FRESH_S = 5.0  # a receiver speaks once per second, a motor board four times: chosen by us
-PHASES: Final = tuple(phase.value for phase in Phase)  # ``phase`` tells the place in this list, from 0
+PHASES: Final = tuple(phase.value for phase in Phase)  # ``phase`` is the place in this list, from 0
 LEVELS: Final = {level.name.lower(): int(level) for level in Level}
 
 COMPASS = common.MAV_SYS_STATUS_SENSOR_3D_MAG
@@ -64,11 +64,11 @@ class Telemetry:
         self.state = self._fold.state
 
     def add(self, record: AnyRecord) -> Sequence[Told]:
-        """Add a record; return what it tells."""
+        """Add a record; return what it says."""
         return self._fold.add(record)
 
     def heartbeat(self) -> Messages:
-        """Tell mode and state."""
+        """Send mode and state."""
         run, mode = self.state, custom_mode(self.state)
         base = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         base |= common.MAV_MODE_FLAG_SAFETY_ARMED if run.mode in ("armed", "manual") else 0
@@ -79,7 +79,7 @@ class Telemetry:
         )
 
     def attitude(self) -> Messages:
-        """Tell roll, pitch and heading; nothing before the first reading of the compass."""
+        """Send roll, pitch and heading; nothing before the first reading of the compass."""
         tick = self.state.tick
         if tick.heading_deg is None:
             return
@@ -89,7 +89,7 @@ class Telemetry:
         )  # fmt: skip
 
     def position(self) -> Messages:
-        """Tell where the rover is: by the receiver, if it speaks, and by dead reckoning from where the log begins."""
+        """Send where the rover is: by the receiver, if it answers, and by dead reckoning from where the log begins."""
         state = self.state
         if (fix := self._fresh(state.fix)) is not None:
             magnetic_deg = state.tick.heading_deg  # sent in hundredths of a degree
@@ -101,7 +101,7 @@ class Telemetry:
             yield common.MAVLink_local_position_ned_message(self._ms(), north_m, east_m, 0.0, 0.0, 0.0, 0.0)
 
     def speed(self) -> Messages:
-        """Tell the measured speed, 0 if it is not known; the heading; and the larger duty as throttle."""
+        """Send the measured speed, 0 if it is not known; the heading; and the larger duty as throttle."""
         tick = self.state.tick
         if tick.heading_deg is not None:
             speed = self.state.measured_m_s if isfinite(self.state.measured_m_s) else 0.0
@@ -110,7 +110,7 @@ class Telemetry:
             yield common.MAVLink_vfr_hud_message(0.0, speed, heading, throttle, 0.0, 0.0)
 
     def receiver(self) -> Messages:
-        """Tell how the position receiver does, if the rover has one: a fix, or none."""
+        """Send how the position receiver does, if the rover has one: a fix, or none."""
         if "position" not in self.state.sensors:
             return
         fix = self._fresh(self.state.fix)
@@ -123,7 +123,7 @@ class Telemetry:
         )
 
     def health(self) -> Messages:
-        """Tell which parts there are and which of them are well, the battery, and how many log records were lost."""
+        """Send which parts there are and which of them are well, the battery, and how many log records were lost."""
         state = self.state
         present = sum(BITS[name] for name in state.sensors if name in BITS) | MOTORS | ARMING_CHECKS
         ill = sum(BITS[name] for name, each in state.sensors.items() if name in BITS and each.is_late(state.t_s))
@@ -139,7 +139,7 @@ class Telemetry:
         )  # fmt: skip
 
     def battery(self) -> Messages:
-        """Tell the battery's voltage, if the motor board measures it."""
+        """Send the battery's voltage, if the motor board measures it."""
         if (millivolts := self._millivolts()) != NO_U16:
             yield common.MAVLink_battery_status_message(
                 0, common.MAV_BATTERY_FUNCTION_PROPULSION, common.MAV_BATTERY_TYPE_UNKNOWN, 0x7FFF,
@@ -147,7 +147,7 @@ class Telemetry:
             )  # fmt: skip
 
     def values(self) -> Messages:
-        """Tell what no message of the dialect has: phase, level, counter C, goal, way and episodes of the mission."""
+        """Send what no message of the dialect has: phase, level, counter C, goal, way and episodes of the mission."""
         state, tick = self.state, self.state.tick
         if tick.phase in PHASES:
             yield self._number("phase", PHASES.index(tick.phase))
@@ -214,8 +214,8 @@ LAST_NUMBER: Final = 0xFFFF  # of a text in chunks; 0 means that there is one ch
 class StatusTexts:
     """What happens in a run, in the words of the terminal, in chunks of 50 bytes.
 
-    While nobody listens the newest texts wait. So a station that connects is told how the run before ended, and one
-    that was out of reach what it has missed.
+    While nobody listens the newest texts wait. So a station that connects gets how the run before ended, and one that
+    was out of reach gets what it has missed.
     """
 
     def __init__(self) -> None:

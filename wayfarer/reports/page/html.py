@@ -113,7 +113,7 @@ class Plot:
         return write_page(Path(path), *self._page, out=Path(path))
 
     def _repr_html_(self) -> str:
-        """Return it as a frame of its own: its scripts and styles, and those of the notebook, do not meet."""
+        """Return it as a separate frame: its scripts and styles do not meet those of the notebook."""
         page = _document(*self._page, FITTED).replace("&", "&amp;").replace('"', "&quot;")
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 30rem; border: 0"></iframe>'
 

@@ -66,7 +66,7 @@ def layer(name: str, *renderers: GlyphRenderer[Any]) -> None:
 
 
 def hover(renderers: Sequence[GlyphRenderer[Any]], *rows: tuple[str, str], **settings: Any) -> HoverTool:
-    """Return a box that tells what is under the pointer: names, and values as ``@column{0.0} unit``."""
+    """Return a box that shows what is under the pointer: names, and values as ``@column{0.0} unit``."""
     return HoverTool(renderers=list(renderers), tooltips=list(rows), visible=False, **settings)
 
 

@@ -31,7 +31,7 @@ class MotorBoardChip(ABC):
         clock: seconds on the clock of the world.
         full_level: the level at which the world's motors run at their full duty.
         left_is_second: the left wheels are on the second output, the right ones on the first.
-        reverse_left: whether the left motors turn backwards when told to go forward.
+        reverse_left: whether the left motors turn backwards when commanded forward.
         reverse_right: the same of the right ones.
     """
 
@@ -86,7 +86,7 @@ _BAUD: Final = 15
 _SETTINGS: Final = {2: range(121), _SERIAL_TIMEOUT: range(128), _BAUD: range(1, 5)}
 _TIMEOUT_UNIT_S: Final = 0.1
 _AUTOBAUD: Final = 0xAA
-_START_UP_S: Final = 2.0  # for which an older board hears nothing
+_START_UP_S: Final = 2.0  # for which an older board ignores everything
 
 
 class SabertoothChip(MotorBoardChip):
@@ -95,8 +95,9 @@ class SabertoothChip(MotorBoardChip):
     Args:
         address: as set on the DIP switches, 128 to 135.
         left: the output that the left wheels are on, M1 or M2; the other drives the right ones.
-        autobaud: an older board, switched on now. It hears nothing for two seconds. If the first byte then is AA, it
-            takes commands; any other makes it take a wrong speed, so that it hears none until its power was off.
+        autobaud: an older board, switched on now. It ignores everything for two seconds. If the first byte then is AA,
+            it takes commands; any other makes it take a wrong speed, so that it understands none until its power was
+            off.
 
     Packets for other addresses, and any other AA, are passed over. ``settings`` holds the data of the latest setting
     commands; ``dropped`` counts packets that broke off or whose checksum was wrong. Any packet keeps the serial timeout

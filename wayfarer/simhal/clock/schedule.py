@@ -99,7 +99,7 @@ class WakeUp(Scheduled):
 
         Raises:
             CancelledError: the wait was cancelled.
-            BaseException: whatever the work raised.
+            BaseException: what the work raised.
         """
         if self.is_cancelled:
             raise CancelledError() if self._message is None else CancelledError(self._message)
@@ -145,7 +145,8 @@ class Schedule(Clock):
 
     Args:
         loop: whose schedule it is.
-        fails: is told of an error that comes out of what was run; SystemExit and KeyboardInterrupt end ``run`` instead.
+        fails: is called with an error that comes out of what was run; SystemExit and KeyboardInterrupt end ``run``
+        instead.
     """
 
     def __init__(self, loop: AbstractEventLoop, fails: Fails) -> None:

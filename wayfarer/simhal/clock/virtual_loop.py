@@ -1,7 +1,7 @@
 """An asyncio event loop whose clock is virtual.
 
 When nothing is ready to run, the clock jumps to the next timer instead of waiting for it: simulated hours pass as fast
-as the code in them runs, in an order that depends on nothing but the code. Field code cannot tell the difference::
+as the code in them runs, in an order that depends only on the code. Field code cannot see the difference::
 
     with asyncio.Runner(loop_factory=VirtualLoop) as runner:
         runner.run(main())
@@ -257,7 +257,7 @@ def _run(main: Callable[[], Coroutine[Any, Any, T]], loop_factory: Callable[[], 
 # ``VirtualLoop``, because the pace only decides how long its thread waits between two virtual times. Other threads may
 # call into it with ``call_soon_threadsafe``, also while it waits.
 
-CATCH_UP_S = 0.05  # of the clock: a delay that is made up for afterwards; a longer one was no hiccup
+CATCH_UP_S = 0.05  # of the clock: a delay that is made up for afterwards; a longer one was not a hiccup
 
 
 @dataclass(slots=True)

@@ -78,7 +78,7 @@ class Injector:
         return replace(rover, **fitted)
 
     def start(self, world: SimulatedWorld, take_power: TakePower, notes: Sequence[NoteFault] = ()) -> None:
-        """Begin what begins at once, and the rest at its time from now on; ``notes`` are told of each."""
+        """Begin what begins at once, and the rest at its time from now on; ``notes`` are called with each."""
         self._world, self._take_power, self._notes = world, take_power, notes
         loop = asyncio.get_running_loop()
         self._pump(loop)
@@ -102,7 +102,7 @@ class Injector:
             self._lasting.pop(number).close()
 
     def begin(self, number: int, fault: Fault) -> None:
-        """Begin a fault now, independent of its time; it lasts as long as it says. ``number`` tells it from others."""
+        """Begin a fault now, independent of its time; it lasts as long as it says. ``number`` identifies it."""
         if not self._faults:
             return
         loop = asyncio.get_running_loop()

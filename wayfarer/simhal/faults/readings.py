@@ -78,12 +78,12 @@ class FaultyPart:
         return await self._part.read_back()
 
     async def stop(self) -> None:
-        """Hand the stop on, unless the part hears nothing."""
+        """Pass the stop on, unless the part receives nothing."""
         if not self.silent:
             await self._part.stop()
 
     def halt(self) -> None:
-        """Hand the stop on, unless the part hears nothing."""
+        """Pass the stop on, unless the part receives nothing."""
         if not self.silent:
             self._part.halt()
 
@@ -115,7 +115,7 @@ class PartFault(FaultKind):
 
 
 class ReadingFault(FaultKind):
-    """Changes what a driver hands on, whatever the part said."""
+    """Changes what a driver passes on, for any answer of the part."""
 
     targets = SENSES
 
@@ -134,7 +134,7 @@ class ValueFault(ReadingFault):
     of: str = "heading_deg"
 
     def each(self, wrong: Callable[[float], float]) -> Change:
-        """Return what hands on ``wrong`` of each value."""
+        """Return what passes on ``wrong`` of each value."""
         return lambda reading: self.replaced(reading, wrong(getattr(reading, self.of)))
 
     def replaced(self, reading: Any, value: float) -> Any:

@@ -24,15 +24,15 @@ T = TypeVar("T")
 
 # What a chip answers, and what it was asked with: what the driver gets instead.
 AnswerChange = Callable[[bytes, bytes], bytes]
-# What was written: what the chip gets instead, None if it hears nothing.
+# What was written: what the chip gets instead, None if it receives nothing.
 WriteChange = Callable[[bytes], bytes | None]
 
 
 class Hang:
     """A bus as a driver sees it through the worker thread (``drivers.threaded``): carries transfers, or holds them up.
 
-    The transfer that is under way when the bus hangs is done late, when it is back; its driver is told after the
-    deadline that there was no answer, and every further one at once. Stops that were posted go first after that.
+    The transfer that is under way when the bus hangs is done late, when it is back; its driver gets the error "no
+    answer" after the deadline, and every further one at once. Stops that were posted go first after that.
     """
 
     def __init__(self, name: str, deadline_s: float = TRANSFER_DEADLINE_S) -> None:
@@ -49,7 +49,7 @@ class Hang:
         self._back.clear()
 
     def end(self) -> None:
-        """Let go of it: first what was under way is done, then what was posted."""
+        """Release it: first what was under way is done, then what was posted."""
         self._hangs = False
         late, self._under_way = self._under_way, None
         for job in (late, *self._posted):
@@ -92,8 +92,8 @@ class Hang:
 class FaultyWire:
     """A chip behind a wire; speaks whichever of the three chip protocols the chip does.
 
-    ``answers`` change what the chip says, ``writes`` what it hears; ``unheard`` says for each transfer whether it is
-    not acknowledged; ``late_s`` is how late an answer comes on a serial line.
+    ``answers`` change what the chip sends, ``writes`` what it receives; ``unheard`` says for each transfer whether it
+    is not acknowledged; ``late_s`` is how late an answer comes on a serial line.
     """
 
     def __init__(self, where: str, chip: Any = None) -> None:

@@ -85,7 +85,7 @@ def rough_ground(roughness_m: float, streams: RandomStreams) -> HeightField:
     return HeightField(heights_m * (roughness_m / heights_m.std()), half_size_m)
 
 
-# So many patches leave 1 % of the ground bare (a Poisson process of discs): more of them change nothing but the time
+# So many patches leave 1 % of the ground bare (a Poisson process of discs): more of them change only the time
 # that they take. ForestRover then meets one every 0.12 m; a shorter ``Physics.slip_mean_m`` gives the same ground.
 MOST_PATCHES = -log(0.01) * WORLD_SIZE_M**2 / (pi * MUD_RADIUS_M**2)
 

@@ -8,7 +8,7 @@ ground and while the body turns, and whose share of the moment of skid friction 
 (it gives way by some 3 mm): with MuJoCo's hard default a wheel that slides hops, and the body turns a third too slowly.
 
 *A motor* has a straight line of torque over speed, from the stall torque to the free speed, at each duty; a board that
-is told 0 shorts it, so it brakes. Behind it is the tyre's rolling resistance.
+has duty 0 shorts it, so it brakes. Behind it is the tyre's rolling resistance.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class Rims:
     Args:
         body: the rover; None if its file does not say.
         friction: of tyre on ground; None on ideal ground.
-        senses: how the currents err that the loads are told by.
+        senses: errors of the currents that show the loads.
         streams: their chance.
     """
 

@@ -27,7 +27,7 @@ STALL_CURRENT_A: Final = 11.0  # of a side, if nobody says: two Pololu 37D of 12
 FULL_BATTERY_V: Final = 12.6  # three lithium cells, charged
 # Contacts within this angle of straight ahead are head-on.
 HEAD_ON_DEG: Final = 10.0
-# Made once: a body that presses against something touches it anew in each step.
+# Made once: a body that presses against something touches it again in each step.
 FRONT: Final = (Side.FRONT,)
 REAR: Final = (Side.REAR,)
 LEFT: Final = (Side.LEFT,)
@@ -47,7 +47,7 @@ class BodyFaults:
     """What is wrong with the body.
 
     Each side turns ``gain`` times as fast as commanded (0 is dead, -1 wired the wrong way), and not at all below a
-    duty of ``dead_band``. A ``snagged`` body cannot move, ``shove_m_s`` moves it ahead whatever its wheels do.
+    duty of ``dead_band``. A ``snagged`` body cannot move, ``shove_m_s`` moves it ahead with any command.
     """
 
     left_gain: float = 1.0

@@ -32,7 +32,7 @@ class WheelGeometry(NamedTuple):
 
 
 class WheeledBody(NamedTuple):
-    """What a rover file tells of the body, all of it known.
+    """What a rover file says of the body, all of it known.
 
     ``motors_n_m`` is the stall torque of all four motors together.
     """

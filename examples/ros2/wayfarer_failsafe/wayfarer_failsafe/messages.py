@@ -72,7 +72,7 @@ class OdometrySum:
             self._sure_s += dt_s
 
     def take(self) -> MotionReading | None:
-        """Return the way since the last call, None without a message; speeds that nobody knows are no standstill."""
+        """Return the way since the last call, None without a message; an unknown speed does not count as 0."""
         if self._came_s is None or self._span_s == 0.0:
             return None
         sure = 1.0 if self._sure_s >= 0.5 * self._span_s else 0.0

@@ -17,7 +17,7 @@ from wayfarer_failsafe.guard import Guard, GuardSettings, Output, State
 from wayfarer_failsafe.messages import STANDSTILL, Speeds, write_speeds
 
 PERIOD_S = 0.05
-TELL_S = 1.0  # diagnostics at least so often; a change is told at once
+TELL_S = 1.0  # diagnostics at least so often; a change is sent at once
 
 
 class FailSafeNode(Node):
