@@ -6,6 +6,7 @@ Those that cannot run here are checked against the command line.
 from __future__ import annotations
 
 import ast
+import re
 import shutil
 import subprocess
 import tomllib
@@ -27,6 +28,14 @@ LANGUAGES = {*SHELL, "python", "pycon", "toml", "ini", "json", "text"}
 FEW = {"sim": ["--trials", "2"], "sweep": ["--trials", "1"]}
 SHORT = ["--budget-m", "5"]  # metres: some tenths of a trial
 PLAIN = {"cp"}  # what else a page may do in a test
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_module_that_a_page_runs_is_there(page: str) -> None:
+    named = re.findall(r"\bpython3? -m ((?:benchmarks|docs|tests)[\w.]*)", (ROOT / page).read_text(encoding="utf-8"))
+    paths = {name: ROOT / name.rstrip(".").replace(".", "/") for name in named}
+    runs = {name for name, path in paths.items() if path.with_suffix(".py").exists() or (path / "__main__.py").exists()}
+    assert {*paths} == runs
 
 
 @pytest.mark.parametrize("page", PAGES)

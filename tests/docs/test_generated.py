@@ -17,7 +17,7 @@ from wayfarer.config.rover_path import SCHEMA
 # What a number may be measured in: as the end of its key, or as words of its description.
 UNIT_IN_KEY = re.compile(r"_(days|m|s|us|deg|hz|v|mb|kg|m_s2)$|^m_per_pixel$")
 UNIT_IN_WORDS = re.compile(
-    r"share|0 to \d|number|pixels|grey level|degrees|in rad|deg/s|bit/s|a second|address|duty", re.IGNORECASE
+    r"share|0 to \d|number|pixels|grey level|degrees|in rad|deg/s|bit/s|per second|address|duty", re.IGNORECASE
 )
 
 

@@ -185,7 +185,7 @@ def _name_values(axis: Any, swept: Axis) -> None:
     axis.axis_label = swept.key
 
 
-CHANGE = "SPL change\nto no sweep"
+CHANGE = "SPL change\nfrom as shipped"
 CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
 

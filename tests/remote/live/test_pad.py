@@ -77,7 +77,8 @@ class Driver:
         try:
             poll(lambda: how(*self.wheels()), 3.0)
         except AssertionError:
-            pytest.fail(f"the page: {self.page.locator('#link').inner_text()!r}, the rover: {self.daemon.ask('status')}")
+            told = self.page.locator("#link").inner_text()
+            pytest.fail(f"the page says {told!r}, the rover {self.daemon.ask('status')}")
 
     def stand(self) -> float:
         """Wait until the wheels are stopped, and return how long that took, in seconds."""
