@@ -39,7 +39,8 @@ def paths_in(text: str) -> set[str]:
 STUMBLES = re.compile(
     r"\b(?:from no source|None where(?!:)|there and back|held against|garbage rejected|present settings|nose ahead"
     r"|difference to|(?:once|times|ticks|degrees|metres|bytes|readings|pictures) a (?:second|minute|tick|trial)"
-    r"|(?:the|its) wheels stand|an? sense is|lost sense)\b",
+    r"|(?:the|its) wheels stand|an? sense is|lost sense|nothing but|anew|all the time|hands on|swallows?"
+    r"|(?<!there )(?:is|are) no (?:number|symlink|duty|text|row|record|link|run|stall|ordinary|error|evidence))\b",
     re.IGNORECASE,
 )
 

@@ -16,7 +16,7 @@
     │   ├── PowerLost             the part lost its power for a moment, and has forgotten its commands
     │   ├── WrongPart             something answered, but it is another part
     │   └── BadReading            an answer that cannot be true (range, NaN, checksum)
-    ├── NotArmed                  the wheels were asked to start and do not; nothing has changed
+    ├── NotArmed                  a start of the wheels was refused; nothing has changed
     ├── MissingPart               an algorithm needs a part that this rover does not have
     ├── MissingPackage            something needs a package that is not installed
     ├── TrialNotRun               a simulated trial could not be run: no failure of its rover
@@ -80,7 +80,7 @@ class BadConfig(BadInput):
 
 
 class OutOfRange(BadInput, ValueError):
-    """A number that a program gave is none, or outside of its range; the text names both."""
+    """A number that a program gave is not a number, or outside of its range; the text names both."""
 
 
 class BadForest(BadInput):
@@ -102,9 +102,9 @@ class UnknownName(BadInput):
 
 
 class NotThereYet(WayfarerError):
-    """A device file, the name of a host, an address or a port that cannot be had now, and perhaps later.
+    """A device file, the name of a host, an address or a port that is missing now, and may come later.
 
-    A slow boot mends it. So the exit code is not that of bad input, and systemd starts the daemon again.
+    A slow boot may be the cause. So the exit code is not that of bad input, and systemd starts the daemon again.
     """
 
 
@@ -155,7 +155,7 @@ class BadReading(DriverError):
 
 
 class NotArmed(WayfarerError):
-    """The wheels were asked to start, and stand as before; the text says why."""
+    """A start of the wheels was refused, and nothing has changed; the text says why."""
 
 
 class MissingPart(WayfarerError):
@@ -193,7 +193,8 @@ class NothingScheduled(WayfarerError):
 def near_names(name: str, known: Iterable[str]) -> list[str]:
     """Return which known names a mistyped one may mean, the nearest first and three at most; none if none is alike.
 
-    Of dotted names the last parts are compared, so that a section's name, such as ``escape.``, makes none alike.
+    Of dotted names the last parts are compared, so that the same section, such as ``escape.``, does not make two names
+    alike.
     """
     last = {each: each.rpartition(".")[2].casefold() for each in known}
     near = get_close_matches(name.rpartition(".")[2].casefold(), set(last.values()), cutoff=NEAR)

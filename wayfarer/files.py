@@ -145,7 +145,7 @@ def atomic_file(path: Path, *, mode: int | None = None, follow_symlink: bool = F
         follow_symlink: replace what a symlink points to, and not the symlink: only for a path that a person gave.
 
     Raises:
-        BadInput: what is there is no ordinary file; a device or a pipe would be lost.
+        BadInput: what is there is not an ordinary file; a device or a pipe would be lost.
         OSError: the file cannot be written.
     """
     # Path.resolve raises RuntimeError where symlinks go round in a circle.

@@ -33,7 +33,7 @@ __all__ = ["STOP", "CompassReading", "ContactReading", "MotionReading", "Side", 
 class Snapshot(NamedTuple):
     """The readings of all sensors at one control tick.
 
-    None if a sensor gave none yet; motion and wheels: since the last tick.
+    None if a sensor has no reading yet; motion and wheels: since the last tick.
     """
 
     t_s: float
@@ -62,7 +62,7 @@ class PositionFix(NamedTuple):
     """A position for the log and for mission limits; escape decisions never see one.
 
     Degrees north and east (WGS 84) and the horizontal error in metres (None if the receiver does not report it).
-    ``utc_s`` is what the receiver's own clock said, UTC in seconds since 1970; None if it did not, and not judged.
+    ``utc_s`` is the time of the receiver's own clock, UTC in seconds since 1970, unchecked; None if it has none.
     """
 
     t_s: float
@@ -231,8 +231,8 @@ class ExplainsNoFix(Protocol):
 class Recognised(Protocol):
     """A driver that can say whether its part is there, so that ``wayfarer init`` finds it.
 
-    It can be made with the defaults of its settings. Of a part on a bus, the setting ``bus`` names the device; a driver
-    on an I2C bus also has the class attribute ``addresses``: where such a part may answer.
+    It can be made with the defaults of its settings. For a part on a bus, the setting ``bus`` names the device; a
+    driver on an I2C bus also has the class attribute ``addresses``: where such a part may answer.
     """
 
     async def identify(self) -> None:
@@ -240,8 +240,8 @@ class Recognised(Protocol):
 
         Raises:
             NotResponding: nothing answers.
-            WrongPart: something else does.
-            BadReading: something does, and what it says cannot be true.
+            WrongPart: something else answers.
+            BadReading: something answers, and the answer cannot be true.
         """
 
 
@@ -256,7 +256,7 @@ class HasErrorCounts(Driver, Protocol):
 
 @runtime_checkable
 class HasNote(Driver, Protocol):
-    """An optional attribute of a compass or motors: what to know of how it is connected, for ``wayfarer check``."""
+    """An optional attribute of a compass or motors: a note on how it is connected, for ``wayfarer check``."""
 
     note: str
 

@@ -1,6 +1,6 @@
 """Fail-safe under another stack's planner: whether the rover is stuck, and whether the escape handler drives.
 
-Pure, as all decision logic here. Once a control tick the other stack calls ``StuckDetector.update`` with what it
+Pure, as all decision logic here. Once per control tick the other stack calls ``StuckDetector.update`` with what it
 commanded and what it measured, and then ``FailSafe.update``. That returns None while its planner may drive, else the
 decision for the wheels.
 """
@@ -34,13 +34,13 @@ class StuckDetector:
     It is the detector of wayfarer's own rovers. Stuck is less than 30 % of the possible motion over ``stuck_s``, no
     progress over 2 s, or a tilt. It claims nothing while less than 0.1 m/s is commanded, in a turn on the spot, or just
     after a change of direction, and it allows for slow starts on slippery ground. Motion that was not measured is
-    unknown, never a standstill. After 3 m commanded ahead without any it says that the rover is stuck, because
-    something may have held it for all of that.
+    unknown, never a standstill. After 3 m commanded ahead without a measurement it says that the rover is stuck,
+    because something may have held it since then.
 
     **What was measured must not come from the wheels alone**: they also turn in deep mud. Take visual or lidar
     odometry, optical flow, a receiver with RTK, or a filter that includes one of them.
 
-    ``anomalies`` are those of the latest tick, and ``conditions`` what is wrong with a sense, by name.
+    ``anomalies`` are those of the latest tick, and ``conditions`` what is wrong with a sensor, by name.
     ``heading_deg`` is the newest plausible heading, None before the first.
 
     Args:
@@ -93,7 +93,7 @@ class StuckDetector:
     def trouble(self) -> str:
         """Why nobody should drive: a sensor is silent or wrong, or the body lies on its side; empty if not.
 
-        Motion without a command is none, because there is nothing to stop.
+        Motion without a command is not trouble, because there is nothing to stop.
         """
         found = [each for each in map(Condition, self.conditions) if each is not Condition.RUNAWAY]
         cause = worst(found, HOLDING_LEVELS)
@@ -108,7 +108,7 @@ class StuckDetector:
         forward_m: float | None = None, right_m: float = 0.0, position_m: tuple[float, float] | None = None,
         pitch_deg: float = 0.0, roll_deg: float = 0.0, measured_t_s: float | None = None,
     ) -> bool:  # fmt: skip
-        """Return whether the rover is stuck now; a command or heading that is not finite counts as none.
+        """Return whether the rover is stuck now; a command or heading that is not finite is ignored.
 
         Call it once per control tick, 10 to 50 times per second.
 

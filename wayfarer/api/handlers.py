@@ -32,7 +32,8 @@ def make_handler(
         vehicle: the measures of the body, metres, and its top speed, metres per second.
         settings: distances, angles and speeds of the manoeuvres; the paper's by default.
         seed: of the algorithms that draw at random. Without it each handler draws differently.
-        contact: whether your observations have a ``contact``, which some algorithms need. A ``FailSafe``'s have not.
+        contact: whether your observations have a ``contact``, which some algorithms need. Those of a ``FailSafe`` have
+        none.
 
     Raises:
         BadInput: no such algorithm (the text offers the nearest names), or something else that is none of these.

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class Results(stored.Results):
     """The results of a campaign or a sweep; a notebook shows them as a table with 95 % intervals.
 
-    ``rows`` are named tuples, as ``Trial.row``; ``trials`` are the same as dicts. ``settings`` is what decided them, as
-    ``campaign.json`` has it: the same settings give the same rows, on any computer and with any number of processes.
-    ``swept`` has the values of the swept keys at each point, the last key varying fastest; a campaign is one point.
+    ``rows`` are named tuples, as ``Trial.row``; ``trials`` are the same as dicts. ``settings`` are those of
+    ``campaign.json``: the same settings give the same rows, on any computer and with any number of processes. ``swept``
+    has the values of the swept keys at each point, the last key varying fastest; a campaign is one point.
 
     >>> results = run_campaign("pledge", trials=1)
     >>> [(row["algorithm"], row["outcome"]) for row in results.trials]
@@ -35,7 +35,7 @@ class Results(stored.Results):
 
     @property
     def summary(self) -> list[dict[str, Any]]:
-        """A row for each algorithm, of a sweep for each at each point: success, path, SPL, time and others.
+        """A row for each algorithm, in a sweep for each algorithm at each point: success, path, SPL, time and others.
 
         The columns are those that ``wayfarer sim --json`` prints, with their units in their names. Beside a value are
         the ends of its 95 % interval: ``path_m``, ``path_m_low``, ``path_m_high``. Layouts are the sampling unit.
@@ -47,8 +47,8 @@ class Results(stored.Results):
     def plot(self) -> Plot:
         """Return the figures of the report, which a notebook shows and ``save`` writes.
 
-        Of a campaign it is the figure of the paths, of a sweep over one key a curve for each measure with its 95 %
-        intervals, over two keys maps. Bokeh's figures are its ``figures``. Trials that have not ended are left out.
+        A campaign has the figure of the paths, a sweep over one key a curve for each measure with its 95 % intervals,
+        and over two keys maps. ``figures`` are Bokeh's figures. Trials that have not ended are left out.
 
         Raises:
             BadInput: no trial has ended yet.
@@ -105,7 +105,7 @@ def compare(results: Results, against: str | None = None) -> list[dict[str, Any]
     """Compare the algorithms of a campaign in pairs: each met the same forests with the same noise.
 
     All are compared with ``against``: without it with Forest-Pledge, or the first one if that is not among them.
-    Gives a row for each algorithm, the one that the others are compared with first; its own changes are None.
+    Returns a row for each algorithm; the first is the one that the others are compared with, and its changes are None.
     ``path_m_change`` is the mean difference of the paths over the pairs in which both got out, metres, negative if
     this algorithm's path is shorter; ``success_percent_change`` is that of the success over all pairs, percentage
     points; ``spl_change`` is that of the SPL, if shortest paths are known. ``_low`` and ``_high`` are the ends of the

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 class Run:
     """A run's field log.
 
-    ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` says of it, and ``damage`` what of it could
-    not be read, false if that is nothing. ``ticks`` and ``events`` read the log again, row by row, each time that
-    they are asked for.
+    ``folder`` is where it is, ``summary`` what ``wayfarer logs summary`` says of it, and ``damage`` what could not be
+    read, false if all could. ``ticks`` and ``events`` read the log again, row by row, each time that they are asked
+    for.
 
     >>> run = open_run(1, log_dir="field_logs")
     >>> run

@@ -45,11 +45,11 @@ class Trial:
 
     @property
     def track(self) -> list[dict[str, Any]]:
-        """A row for each control tick, 20 a second: the true pose, which no rover knows, and the decision.
+        """A row for each control tick, 20 per second: the true pose, which no rover knows, and the decision.
 
         ``t_s`` is the simulated time, seconds. ``x_m`` and ``y_m`` are metres east and north in the forest,
         ``heading_deg`` is clockwise from north, ``pitch_deg`` positive with the nose up, ``roll_deg`` with the right
-        side down. ``left`` and ``right`` are the wheels' duties, -1 to 1. ``anomalies`` has a ``+`` between two.
+        side down. ``left`` and ``right`` are the wheels' duties, -1 to 1. ``anomalies`` are joined by ``+``.
         """
         return [tick._asdict() for tick in self._ticks]
 

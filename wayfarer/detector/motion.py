@@ -298,8 +298,8 @@ FOR_S: Final = 0.2 - ROUNDING_S
 # ``simhal.world.wheeled_body``), and on mud its braked wheels slide from 6 degrees on (a friction of 0.1). A compass
 # has some degrees of noise.
 SLIDES_FROM_DEG: Final = 4.0
-# Chosen by us: after so long the body has come to rest, or rolls, or is at the foot of the slope. When it was told to
-# stop it was at most so many times as fast as at full duty: one that was driven down a slope of mud was 1.9 times.
+# Chosen by us: after so long the body has come to rest, or rolls, or is at the foot of the slope. When it was commanded
+# to stop it was at most so many times as fast as at full duty: one that was driven down a slope of mud was 1.9 times.
 SLIDES_S: Final = 10.0
 FASTEST: Final = 2.0
 # A flow sensor at another height than configured sees more than the wheels do: by half, measured with ``FIELD``.

@@ -65,7 +65,7 @@ class SerialPort(Protocol):
     name: str
 
     async def exchange(self, data: bytes, missing: Missing, *, within_s: float = ANSWER_WITHIN_S) -> bytes:
-        """Throw away what came unasked, write bytes, read until ``missing`` of what came is 0, and return all of it.
+        """Discard old input, write bytes, read until ``missing`` of what came is 0, and return all of it.
 
         No other transfer on this port comes in between. A part that does not answer is not a bus that hangs: this ends
         before a transfer's deadline, also if ``within_s`` is longer.
@@ -148,14 +148,14 @@ class Pins(Protocol):
     """
 
     def output(self, pin: int, *, pwm_hz: float | None = None, active_high: bool = True) -> OutputPin:
-        """Claim a pin and hold it inactive; with PWM of this frequency, or else only on and off."""
+        """Claim a pin and hold it inactive; with PWM of this frequency; without, only on and off."""
 
     def input(self, pin: int, *, pull_up: bool) -> InputPin:
         """Claim a pin, pulled up and active when low, or pulled down and active when high."""
 
 
 class Buses(Protocol):
-    """Hands out buses by name; the same name gives the same bus, and nothing is touched until it is used."""
+    """Gives buses by name; the same name gives the same bus, and nothing is touched until it is used."""
 
     def i2c(self, name: str) -> I2CBus:
         """Return an I2C bus, such as ``/dev/i2c-1``."""

@@ -1,8 +1,8 @@
 """The interface of an escape algorithm: its input, its output, and what it must guarantee.
 
-An algorithm is pure: no clock, no I/O, no asyncio, no global randomness. Time comes in as ``Observation.t_s``, chance
-from the ``random.Random`` it was made with. The same observations give the same decisions, on a rover, in a simulated
-forest and in a replay of a log.
+An algorithm is pure: no clock, no I/O, no asyncio, no global randomness. Time comes in as ``Observation.t_s``, random
+numbers from the ``random.Random`` that it was made with. The same observations give the same decisions, on a rover, in
+a simulated forest and in a replay of a log.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Phase(Enum):
 
 
 class Observation(Value):
-    """What an algorithm sees in one control tick; it takes any numbers, such as NumPy's, and has Python's own.
+    """What an algorithm sees in one control tick; it accepts any numbers, such as NumPy's, and converts them.
 
     ``t_s`` is seconds on any clock that does not go back. Headings are degrees clockwise, 0 to 360, all from the same
     north. ``pitch_deg`` is positive with the nose up, ``roll_deg`` with the right side down.
@@ -118,7 +118,7 @@ class Decision(Value):
 
 
 class EscapeHandler(Protocol):
-    """One algorithm at work in one run. Every phase but ``FOLLOW`` ends, also if the wheels turn and nothing moves."""
+    """One algorithm at work in one run. Every phase except ``FOLLOW`` ends, also if nothing moves."""
 
     def decide(self, observation: Observation) -> Decision:
         """Return the decision for this tick. Called once per tick with strictly increasing ``t_s``; never raises."""

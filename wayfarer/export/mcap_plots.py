@@ -1,8 +1,8 @@
 """Channels of plain numbers and words for plots and tables, from one table of fields. Pure.
 
 Each field has its unit in its name and its meaning in the channel's JSON schema; its type is that of the log's key. A
-value that is missing or no number is left out of its message, and a message without any value is not sent. So a gap in
-a plot is all that a part without data causes, or an algorithm that remembers other things.
+value that is missing or not a number is left out of its message, and a message without any value is not sent. So a gap
+in a plot is all that a part without data causes, or an algorithm that remembers other things.
 """
 
 from __future__ import annotations

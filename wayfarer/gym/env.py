@@ -235,8 +235,8 @@ class ForestEnv(gymnasium.Env[Array, Array]):
     Action: duty of the left and right wheels, -1 (full reverse) to 1. The safety gate limits what it is given, and a
     duty that is not a number is a fault, as on a rover.
 
-    Reward, from ground truth: metres gained towards the goal line, minus 0.1 a second; 10 more for ``escaped``, 10 less
-    for ``tipped``, ``fault`` and a rover that gave up (``entrapped``); nothing more for ``left_bounds``.
+    Reward, from ground truth: metres gained towards the goal line, minus 0.1 per second; 10 more for ``escaped``, 10
+    less for ``tipped``, ``fault`` and a rover that gave up (``entrapped``); nothing more for ``left_bounds``.
 
     Terminated with those outcomes; truncated when the budget of path, or of four seconds per metre of it, is used up.
     ``info["ending"]`` then says how: an ``Ending``.

@@ -6,10 +6,10 @@
 
     print(asyncio.run(check_compass(lambda: MyCompass(bus), unreachable=lambda: MyCompass(dead_bus))))
 
-Each promise of ``wayfarer.hal`` and ``wayfarer.escape.api`` is a check. The first that is not kept is said by an
-``AssertionError``, with what was seen and the sentence that promises otherwise; the report says how many ran, and
-why others could not. ``unreachable`` makes a part whose hardware does not answer: without it that is not tried. A part
-comes as what makes it, because a fresh one is needed again and again. What is known to fail is named with a reason:
+Each promise of ``wayfarer.hal`` and ``wayfarer.escape.api`` is a check. The first that is broken raises an
+``AssertionError``, with what was seen and the sentence of the promise; the report says how many ran, and why others
+could not. ``unreachable`` makes a part whose hardware does not answer: without it that is not tried. Pass a function
+that makes a part, because new ones are needed again and again. Name what is known to fail with a reason:
 ``gaps={"deadman_stops_the_wheels": "it is off"}``; once it passes, that is an error. With pytest, each is a test::
 
     @pytest.mark.parametrize("check", checks_of("compass", lambda: MyCompass(bus)), ids=str)
@@ -77,7 +77,7 @@ def checks_of(
 ) -> list[Check]:
     """Return the checks of a kind: ``algorithm``, or a part of a rover such as ``compass``.
 
-    ``make`` makes a part; of an algorithm it is what is checked itself.
+    ``make`` makes a part; for an algorithm it is the algorithm.
 
     Raises:
         ValueError: there is no such kind, or no such check among the ``gaps``.

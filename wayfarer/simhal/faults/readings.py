@@ -212,7 +212,7 @@ class Becomes(ValueFault):
     value: float = 0.0
 
     def change(self, _: FaultyPart, __: Random) -> Change:
-        """Replace it, also by what no driver would hand on, such as a heading above 360."""
+        """Replace it, also by what no driver would pass on, such as a heading above 360."""
         return lambda reading: reading._replace(**{self.of: self.value})
 
 

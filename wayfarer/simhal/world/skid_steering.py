@@ -1,6 +1,6 @@
 """Skid steering on ground of a given friction, for physics-light with ``--ground``; fast.
 
-*Steady* driving has a closed form as long as curves are slow. A body that turns slides on all wheels; whatever its
+*Steady* driving has a closed form as long as curves are slow. A body that turns slides on all wheels; at any
 speed and turn rate, the moment of friction then takes the same force of each side, ``mu W a / (2 sqrt(a2 + b2))`` with
 a and b half the distances between axles and between sides. A difference of duties below that turns nothing, on the spot
 as in an arc: the weaker side is dragged along. Beyond it rims turn at what is left, and slip by a2 / b times the turn
