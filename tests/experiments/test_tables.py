@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,7 +20,14 @@ from wayfarer.experiments.paper import FIELD_TRIALS, FORESTS, reported
 from wayfarer.experiments.results import Results
 from wayfarer.experiments.rows import TrialRow
 from wayfarer.experiments.sweep import Sweep
-from wayfarer.experiments.tables import NO_SPL, comparison_table, layouts_note, layouts_of_points, table_of
+from wayfarer.experiments.tables import (
+    NO_SPL,
+    comparison_table,
+    layouts_note,
+    layouts_of_points,
+    result_sentences,
+    table_of,
+)
 from wayfarer.logview.terminal_table import TextTable, print_whole
 from wayfarer.simhal.world.forest_file import read_forest_file
 
@@ -54,6 +62,20 @@ def test_no_number_is_cut_at_any_width(width: int) -> None:
 def test_table_is_whole_at_100_columns_and_in_parts_at_60() -> None:
     assert printed(forests(dict.fromkeys(CATALOGUE, ROWS)), 100).count("algorithm") == 1
     assert printed(forests({"x": ROWS}), 60).count("algorithm") == 2
+
+
+def test_others_that_are_alike_are_not_counted_out_of_themselves() -> None:
+    def said(**times: float) -> str:
+        rows = [row._replace(shortest_path_m=None, spl=None) for row in ROWS[:40]]
+        own = [row._replace(algorithm=name, path_m=row.path_m and row.path_m * by) for name, by in times.items() for row in rows]
+        (_, differences) = result_sentences(Results(replace(PLAIN, algorithms=tuple(times)), own))
+        return differences
+
+    same = "The 2 others show no certain difference in success. "
+    assert said(x=1.0, y=1.0, z=1.0) == same + "The 2 others show no certain difference in path."
+    assert said(x=1.0, y=2.0, z=3.0).startswith(same + "The 2 others have a longer path (by ")
+    both = r"Of the 2 others, 1 has a longer path \(by .*\), 1 shows no certain difference in path\."
+    assert re.fullmatch(re.escape(same) + both, said(x=1.0, y=1.0, z=3.0))
 
 
 def test_comparison_is_whole_at_100_columns() -> None:

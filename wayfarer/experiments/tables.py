@@ -233,17 +233,20 @@ def _differences(others: Sequence[Comparison], second: str) -> Iterator[str]:
         measure = MEASURES[name]
         changes = [change for one in others if (change := one.changes[name])]
         sign = 1.0 if measure.better == "more" else -1.0
-        parts, certain = list[str](), 0
+        parts = list[tuple[int, str]]()
         for words, side in ((worse, -sign), (better, sign)):
             sizes = [abs(each.value) for each in changes if min(side * end for end in each.ends) > 0.0]
             if sizes:
                 has = "has" if len(sizes) == 1 else "have"
                 span = " to ".join(dict.fromkeys(f"{each:.{measure.decimals}f}" for each in (min(sizes), max(sizes))))
-                parts.append(f"{len(sizes)} {has} {words} (by {span}{measure.points and f' {measure.points}'})")
-                certain += len(sizes)
-        if unclear := len(others) - certain:
-            parts.append(f"{unclear} {'shows' if unclear == 1 else 'show'} no certain difference in {measure.title}")
-        yield f"Of the {len(others)} others, {', '.join(parts)}."
+                parts.append((len(sizes), f"{has} {words} (by {span}{measure.points and f' {measure.points}'})"))
+        if unclear := len(others) - sum(count for count, _ in parts):
+            shows = "shows" if unclear == 1 else "show"
+            parts.append((unclear, f"{shows} no certain difference in {measure.title}"))
+        if len(parts) == 1:
+            yield f"The {len(others)} others {parts[0][1]}."
+        else:
+            yield f"Of the {len(others)} others, {', '.join(f'{count} {words}' for count, words in parts)}."
 
 
 def _in_words(name: str, change: Estimate) -> str:

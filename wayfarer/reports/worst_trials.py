@@ -183,6 +183,7 @@ def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
     """Return the map of a trial, metres, north up; ``name`` is the figure's."""
     made = plot(name, None, "map", output_backend=SVG, sizing_mode="scale_width", aspect_ratio=1.0, match_aspect=True)
     made.xaxis.axis_label, made.yaxis.axis_label = "east, m", "north, m"
+    made.min_border_left = 52  # for the label beside its numbers, whichever they are
     if forest.goal_y_m - forest.start_m[1] < CLOSE_M:  # at a site: all of the map would show the clutter as a dot
         half_m = CLOSE_M / 2.0 + 1.0
         made.x_range, made.y_range = (Range1d(start=at - half_m, end=at + half_m) for at in forest.start_m)

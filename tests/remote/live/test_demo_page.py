@@ -85,6 +85,7 @@ def test_demo_says_what_is_seen_everything_fits_a_finger_and_stop_ends_it(browse
     page.locator("#stop").click()  # in a pause, too
     page.locator("#banner", has_text="requested by a person").wait_for(timeout=3000)
     page.locator("#next", has_text="wayfarer sim --trials 1000").wait_for()
+    assert page.locator(":is(#demo button, #sensors table):visible").count() == 0, "of no use after the end"
     assert records(demo)[-1]["reason"] == "requested"
     assert_readable(opened)
     assert opened.trouble == []
