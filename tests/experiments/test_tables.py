@@ -67,7 +67,11 @@ def test_table_is_whole_at_100_columns_and_in_parts_at_60() -> None:
 def test_others_that_are_alike_are_not_counted_out_of_themselves() -> None:
     def said(**times: float) -> str:
         rows = [row._replace(shortest_path_m=None, spl=None) for row in ROWS[:40]]
-        own = [row._replace(algorithm=name, path_m=row.path_m and row.path_m * by) for name, by in times.items() for row in rows]
+        own = [
+            row._replace(algorithm=name, path_m=row.path_m and row.path_m * by)
+            for name, by in times.items()
+            for row in rows
+        ]
         (_, differences) = result_sentences(Results(replace(PLAIN, algorithms=tuple(times)), own))
         return differences
 
