@@ -182,8 +182,8 @@ _ROWS = (
 )
 _ROWS_BEYOND = (
     _row("retry-pledge", "pledge",
-         "Forest-Pledge that tries a second time if a stall may be a slip; by a rise of the nose it tells a trunk from a "
-         "slip, and that was never measured on a rover", handler=RetryHandler),
+         "Forest-Pledge that tries a second time if a stall may be a slip; it knows a trunk by the rise of its nose, "
+         "which was never measured on a rover", handler=RetryHandler),
 )
 # fmt: on
 

@@ -66,8 +66,9 @@ class ManualControl:
     def take(self, now_s: float, sample: ManualSample) -> str:
         """Take a sample of the client that drives; return why it is refused, and has no effect, or an empty text.
 
-        If keys and stick must be let go, a release stays the newest sample until a tick has seen it: what is pressed in
-        between counts from the next sample on. So the sample of each tick, which is in the log, is all that a replay needs.
+        If keys and stick must be released, a release stays the newest sample until a tick has seen it: what is pressed
+        in between counts from the next sample on. So the sample of each tick, which is in the log, is all that a replay
+        needs.
         """
         seq, forward, turn, sent_s = sample
         if not (abs(forward) <= 1.0 and abs(turn) <= 1.0):  # written so that NaN is refused
