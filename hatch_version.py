@@ -29,7 +29,7 @@ def version(root: Path = ROOT) -> str:
     """Return the version of the project in a folder; it always has one."""
     distributed = root / "PKG-INFO"
     if distributed.is_file():
-        return re.findall(r"^Version: (.+)$", distributed.read_text(encoding="utf-8"), re.MULTILINE)[0]
+        return str(re.findall(r"^Version: (.+)$", distributed.read_text(encoding="utf-8"), re.MULTILINE)[0])
     described = _described_by_git(root) if (root / ".git").exists() else ARCHIVED
     return version_of(described, last_release(root))
 
