@@ -231,6 +231,13 @@ def test_simulated_run_shows_the_forest_and_how_far_dead_reckoning_drifted(tmp_p
     assert '"Rect"' in drawn(page)  # the fallen trunk
 
 
+def test_legend_has_the_phases_that_were_driven_and_no_other(tmp_path: Path) -> None:
+    page = page_of(tmp_path, *simulated_drive(), OUTCOME)
+    boxes = re.findall(r"<label[^>]*>.*?</label>", page, re.DOTALL)
+    assert any("Following the goal" in box for box in boxes)
+    assert not any("Driven by hand" in box or "Turning away" in box for box in boxes)
+
+
 def simulated_page(folder: Path, world: object) -> str:
     truth = record("truth", 0.0, x_m=25.0, y_m=12.5, driven_m=0.0)
     return page_of(folder, {**HEADER, "simulated": True, "world": world}, truth, *drive(), OUTCOME)

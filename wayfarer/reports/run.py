@@ -24,7 +24,7 @@ from wayfarer.fieldlog.sensor_status import SensorStatus
 from wayfarer.fieldlog.wording import sentence
 from wayfarer.logview import palette
 from wayfarer.logview.summary import result_sentences, summary_facts
-from wayfarer.reports.data import LAYERS, RunData, is_trouble, read_run, worded_events
+from wayfarer.reports.data import LAYERS, PHASES, RunData, is_trouble, read_run, worded_events
 from wayfarer.reports.map import ALONE_PX, Track, map_plot, track_of
 from wayfarer.reports.page import html
 from wayfarer.reports.page.html import PAGE, Plot, write_page
@@ -153,7 +153,8 @@ def _fitted(track: Track) -> Markup:
 
 def _layers(track: Track) -> Iterator[html.PlotLayer]:
     """Yield what can be switched off."""
-    yield from html.phase_layers()
+    phases = track.data.ticks["phase"]
+    yield from html.phase_layers({PHASES[int(index)] for index in np.unique(phases[~np.isnan(phases)])})
     if track.reckoned:
         yield html.PlotLayer("reckoned", "dead reckoning", palette.RECKONED)
     if track.fixes:

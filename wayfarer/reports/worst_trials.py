@@ -206,7 +206,8 @@ def trial_map(name: str, forest: Forest, trajectory: Trajectory) -> Figure:
 
 
 def _map_layers() -> str:
-    return html.layers("Show", [*html.phase_layers(), SLIPS])
+    driven = palette.PHASE_COLOURS.keys() - {Phase.MANUAL.value}  # nobody drives a trial by hand
+    return html.layers("Show", [*html.phase_layers(driven), SLIPS])
 
 
 def trial_plot(row: TrialRow, forest: Forest, trajectory: Trajectory) -> Plot:

@@ -6,7 +6,7 @@ given, and returns Markup, which no other one escapes again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -67,10 +67,11 @@ class PlotLayer(NamedTuple):
     shown: bool = True
 
 
-def phase_layers() -> Iterator[PlotLayer]:
-    """Yield a layer for each phase that is drawn in a path; their boxes are the key to its colours too."""
+def phase_layers(driven: Container[str]) -> Iterator[PlotLayer]:
+    """Yield a layer for each phase that was driven; their boxes are the key to the colours of a path too."""
     for phase, colour in palette.PHASE_COLOURS.items():
-        yield PlotLayer(phase, in_words(phase), colour)
+        if phase in driven:
+            yield PlotLayer(phase, in_words(phase), colour)
 
 
 def below(rows: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[str, list[str]]]:
