@@ -219,7 +219,7 @@ async def _reset_forgets(algorithm: Algorithm) -> None:
 
 @_of(
     "wayfarer.escape.api.EscapeHandler",
-    "Every phase but ``FOLLOW`` ends, also if the wheels turn and nothing moves.",
+    "Every phase except ``FOLLOW`` ends, also if nothing moves.",
     ALGORITHM,
 )
 async def _phases_end(algorithm: Algorithm) -> None:
