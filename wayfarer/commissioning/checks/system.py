@@ -220,7 +220,7 @@ async def log(trouble: Callable[[], str | None], inspection: Inspection) -> Find
 
 
 async def clock(inspection: Inspection) -> Finding:
-    """Check that the wall clock was set; only the names and dates in logs depends on it."""
+    """Check that the wall clock was set; only the names and dates in logs depend on it."""
     now = datetime.fromtimestamp(inspection.host.t_wall, UTC)
     if inspection.host.t_wall < CLOCK_SET_S:
         return warn(
