@@ -23,6 +23,7 @@ NOT_RUN = (
     ),
     *("__init__.py", "__main__.py", "demo.py", "errors.py", "extras.py", "files.py", "run_sim.py", "version.py"),
     *("vocabulary.py", "waiting_thread.py"),
+    "skeletons",  # what ``wayfarer new`` writes: only an installation has it there
 )
 COUNTED = ("**/*.py", "rovers/*.toml", "simhal/world/*.gz")
 
