@@ -5,7 +5,8 @@ trial costs in units that hold on any computer; with ``instructions``, how many 
 wayfarer.cli`` and a daemon's start take; with ``soak``, whether anything grows in a simulated day full of faults; with
 ``missions``, in a thousand missions of one daemon; with ``gps``, how near dead reckoning is to the true way, before and
 after a report lays it onto the receiver's fixes; with ``detector``, how well each anomaly is noticed, with
-``witnesses``, how well each sense notices a stall; with ``yaw``, how often a rover turns towards what stops it.
+``witnesses``, how well each sense notices a stall; with ``yaw``, how often a rover turns towards what stops it;
+with ``stuck``, how rovers fail in the clutter.
 ``guard`` and ``stops`` say whether a change of the code has changed results or stops, ``size`` how much there is to
 read, ``mutants`` whether the tests bite.
 """
@@ -30,6 +31,7 @@ from benchmarks import (
     missions,
     rover,
     stack,
+    stuck,
     witnesses,
     yaw_at_stall,
 )
@@ -130,6 +132,7 @@ WHAT: dict[str, Callable[[Namespace], int | None]] = {
     "gps": lambda asked: print_table(gps.HEADER, gps.rows(trials=1 if asked.quick else 5)),
     "detector": _print_detector,
     "witnesses": _print_witnesses,
+    "stuck": lambda asked: print_table(stuck.HEADER, stuck.rows(asked.trials or 100)),
     "yaw": lambda asked: print_table(yaw_at_stall.HEADER, yaw_at_stall.rows(asked.trials or 6)),
     "guard": lambda asked: print_guard(asked.only, asked.trials, accept=asked.accept),
     "stops": lambda _: print_stops(),

@@ -1,6 +1,6 @@
 """Measure the tables of results again: ``python -m docs.measure``, or only some campaigns by their names.
 
-It runs the ``wayfarer`` that this Python has installed, each campaign into a folder of its own, and writes its table
+It runs the ``wayfarer`` that this Python has installed, each campaign into a separate folder, and writes its table
 into the pages (``measured_tables``). What is finished is not run again, and what was interrupted goes on. A table's
 version is the checksum of the code that a trial runs, so a changed page or command makes no table old.
 

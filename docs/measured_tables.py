@@ -175,7 +175,7 @@ def times(campaigns: Sequence[Measured]) -> Lines:
 KINDS: Mapping[str, Callable[[Measured], Lines]] = {"outcomes": outcomes, "gains": gains, "points": points}
 """Those with a table for each campaign."""
 TOGETHER: Mapping[str, Callable[[Sequence[Measured]], Lines]] = {"limits": limits, "seeds": seeds, "times": times}
-"""Those with one table of all their campaigns, each of which has a table of its own elsewhere."""
+"""Those with one table of all their campaigns; each of these has its table elsewhere."""
 
 
 def markdown(lines: Iterable[Sequence[str]]) -> Iterator[str]:

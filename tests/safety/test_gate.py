@@ -20,7 +20,7 @@ LOW_VOLTAGE_SHARE = 0.7  # fault catalogue, fault 32
 BY_LEVEL = {level: [condition for condition in Condition if LEVELS[condition] is level] for level in Level}
 STOPPING = BY_LEVEL[Level.HOLD] + BY_LEVEL[Level.FAULT]
 SUPPLY = {Condition.UNDERVOLTAGE: LOW_VOLTAGE_SHARE, Condition.POWER_UNSTABLE: 0.5}
-HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if DUTY_SHARES[each] == 1.0]
+HARMLESS = [each for each in (*BY_LEVEL[Level.NOTE], *BY_LEVEL[Level.DEGRADE]) if each not in SUPPLY]
 DUTIES = st.floats(-1.5, 1.5) | st.sampled_from([0.0, nan, inf, -inf])
 COMMANDS = st.builds(WheelCommand, DUTIES, DUTIES)
 CONDITIONS = st.lists(st.sampled_from(Condition), max_size=2).map(tuple)
@@ -200,6 +200,10 @@ def test_duty_is_limited_on_each_side_and_both_ways(left: float, right: float) -
     for _ in range(2):
         limited = [min(max(duty, -0.6), 0.6) for duty in (left, right)]
         assert list(update(gate_, WheelCommand(left, right), (), armed=True)) == limited
+
+
+def test_no_other_condition_takes_a_share_of_the_duty() -> None:
+    assert {condition: share for condition, share in DUTY_SHARES.items() if share < 1.0} == SUPPLY
 
 
 @pytest.mark.parametrize("condition", SUPPLY)

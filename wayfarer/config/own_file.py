@@ -1,6 +1,6 @@
 """Code of one's own: loads ``FILE.py:NAME`` or ``"module:attribute"``, and says what is wrong with it.
 
-A file is a module of its own name, known before it is executed (pickle and dataclasses ask for it), and its folder
+A file is a module with a separate name, known before it is executed (pickle and dataclasses ask for it), and its folder
 comes last in ``sys.path``: it may import its neighbours, and hides nobody else's module. Root loads no file that
 another user could have written.
 """

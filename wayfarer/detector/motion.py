@@ -28,7 +28,7 @@ class MotionMonitor(ReadingInterval):
     ``ReadingDoubt``). Nothing is known while the sensor is silent: motion that nobody saw is unknown, not zero.
 
     ``watched`` says whether silence is a condition, ``sightless`` that there is no such sensor, and that strides are
-    bounded all the same, because the witnesses that there are see no slip. ``by_yaw`` says whether a heading that does
+    bounded nevertheless, because the witnesses that there are see no slip. ``by_yaw`` says whether a heading that does
     not answer steering counts whenever no motion is seen, not only after a while. ``measures`` is whether the odometer
     goes by this sensor, or by the commands; else another sensor feeds it.
 

@@ -117,7 +117,7 @@ WHAT_COUNTS = (
 class Estimate(NamedTuple):
     """A figure with its 95 % interval, in the measure's unit, and what it is made of.
 
-    ``low`` and ``high`` are None if so few layouts, or values that are all the same, give no interval. ``trials`` is
+    ``low`` and ``high`` are None if so few layouts, or values that are all equal, give no interval. ``trials`` is
     how many counted (of a difference: pairs), in how many ``layouts``; ``method`` is a key of ``METHODS``.
     """
 

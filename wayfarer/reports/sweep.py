@@ -185,7 +185,7 @@ def _name_values(axis: Any, swept: Axis) -> None:
     axis.axis_label = swept.key
 
 
-CHANGE = "SPL change\nfrom as shipped"
+CHANGE = "SPL change from\nthe default"
 CURVES = "Bands: 95 % intervals. Broken line: the value without a sweep."
 MAPS = "Colours mean the same for every algorithm; grey: not known."
 

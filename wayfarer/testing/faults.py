@@ -172,7 +172,7 @@ class _Response:
         return worst
 
     def _stopped_s(self, wanted: list[Answer]) -> float | None:
-        """Return the delay to the first stop command from a hold on; 0 if the wheels were stopped the whole time."""
+        """Return the delay to the first stop command from a hold on; 0 if the wheels were always stopped."""
         holds_s = min((answer.t_s for answer in wanted if answer.level >= ResponseLevel.HOLD), default=None)
         if holds_s is None:
             return None

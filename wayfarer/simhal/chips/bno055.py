@@ -64,7 +64,7 @@ class BNO055Chip:
         self.calibration = CALIBRATED
 
     def power_cycle(self) -> None:
-        """Lose power for a moment, as a reset of its own does too."""
+        """Lose power for a moment, as its own reset does too."""
         self._forget()
         self._awake_s = self._clock() + BOOT_S
 
