@@ -45,8 +45,8 @@ class ManualControl:
         self._deadman_s = settings.deadman_s
         self._lease = 0
         self._since_s = 0.0
-        self._let_go = False
-        self._is_new_release = False  # of the newest sample: it asks for nothing, and no tick has seen it
+        # A release is new until a tick has seen it: then the newest sample asks for nothing.
+        self._let_go = self._is_new_release = False
         self.driver = self.why = ""
         self.sample: ManualSample | None = None
 
