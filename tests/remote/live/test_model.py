@@ -96,6 +96,15 @@ def test_mode_hold_and_goal_are_those_of_the_tick_and_why_that_of_the_event(mode
     assert model.state()["why_disarmed"] == "fault: the compass has been silent for seconds"
 
 
+def test_time_of_the_tick_is_told_because_other_records_are_later_than_its_mode(model: PageModel) -> None:
+    log = shown(model)
+    assert model.state()["tick_t_s"] is None
+    log.tick(tick(101.00049, mode="disarmed"))
+    log.event("manual", 101.02, driver="page")
+    state = model.state()
+    assert (state["t_s"], state["tick_t_s"], state["mode"]) == (101.02, 101.00049, "disarmed")
+
+
 def test_change_of_mode_or_hold_is_for_at_once() -> None:
     model, at_once = PageModel(), []
     log = run_log(lambda record: at_once.append(model.add(record)))

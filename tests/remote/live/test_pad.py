@@ -3,6 +3,8 @@
 # ruff: noqa: TID251 - a person's clock
 from __future__ import annotations
 
+import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -15,7 +17,7 @@ from tests.remote.live.daemons import Daemon, poll, running
 from tests.remote.live.relay import Relay, relaying
 
 if TYPE_CHECKING:
-    from playwright.sync_api import CDPSession, FloatRect
+    from playwright.sync_api import CDPSession, FloatRect, WebSocketRoute
 
 pytest.importorskip("aiohttp", reason="the live page needs aiohttp")
 pytestmark = pytest.mark.process
@@ -183,6 +185,42 @@ def test_driving_ends_with_the_page_and_by_anybody(driver: Driver) -> None:
         assert driver.stand() < TICK_S + SLACK_S, name
         ended(driver)
         driver.lift()
+
+
+def test_record_between_the_beginning_and_its_first_tick_does_not_end_driving(
+    browser_page: OpenPage, daemon: Daemon
+) -> None:
+    old_tick: dict[str, Any] = {}
+    began_s = math.inf
+
+    def delay_ticks(route: WebSocketRoute) -> None:
+        """Keep ticks, but no other records, from the page for 0.3 s after it began to drive."""
+        rover = route.connect_to_server()
+
+        def hear(message: str | bytes) -> None:
+            nonlocal began_s
+            pieces = json.loads(message)
+            for piece in pieces:
+                state, reply = piece.get("state", {}), piece.get("reply", {})
+                if reply.get("do") == "manual_begin":
+                    began_s = reply["t_s"]
+                elif state and began_s == math.inf:
+                    old_tick.update({key: state[key] for key in ("tick_t_s", "mode")})
+                elif state and state["t_s"] < began_s + 0.3:
+                    state |= old_tick
+            route.send(json.dumps(pieces))
+
+        rover.on_message(hear)
+
+    opened = browser_page(PHONE, touch=True)
+    opened.page.route_web_socket("**/ws*", delay_ticks)
+    driver = Driver(opened, daemon)
+    driver.begin()
+    driver.drive(0.0, 0.3)
+    assert began_s < math.inf
+    assert old_tick["mode"] == "disarmed"
+    driver.page.locator("#drive", has_text="End").click()
+    ended(driver)
 
 
 def test_second_page_is_refused_and_takes_nothing(driver: Driver, browser_page: OpenPage) -> None:

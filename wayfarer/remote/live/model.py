@@ -93,11 +93,16 @@ class PageModel:
         return news
 
     def state(self) -> dict[str, Any]:
-        """Return how things are now."""
+        """Return how things are now.
+
+        ``t_s`` is the time of the newest record of any kind, ``tick_t_s`` that of the newest tick, None before the
+        first: what a tick says, as the mode, may be older than ``t_s``.
+        """
         run = self._fold.state
         tick, phase, level = run.tick, run.tick.phase, run.tick.level
         return {
             "t_s": round(run.t_s, 3),
+            "tick_t_s": tick.t_s if run.ticks else None,  # exact: a page compares it with times of its replies
             "mode": run.mode,
             "why_disarmed": disarmed_text(run.why_disarmed),
             "held": tick.held,

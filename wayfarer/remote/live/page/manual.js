@@ -76,7 +76,8 @@ function whyToEnd() {
   if (model.outcome) return "The run has ended.";
   if (connection.socket !== manual.socket || !connection.isOpen) return "Driving has ended: the connection was lost.";
   if (manual.state === "asked") return "";
-  if (model.state.t_s > manual.beganS && model.state.mode !== "manual") return "Driving has ended: the log below says why.";
+  // The mode is that of a tick: the newest one may be from before driving began, and other records be later.
+  if (model.state.tick_t_s > manual.beganS && model.state.mode !== "manual") return "Driving has ended: the log below says why.";
   return performance.now() - manual.acceptedAt > LEASE_S * 1000 ? `Driving has ended: ${whyStanding() || "the page was too slow"}.` : "";
 }
 
