@@ -110,9 +110,9 @@ def draw(study: optuna.Study) -> None:
     plots.plot_optimization_history(study, target_name="mean path, m")
     pyplot.savefig(OUT / "history.png", bbox_inches="tight")
     plots.plot_slice(study, target_name="mean path, m")
-    for axes in pyplot.gcf().axes:
+    for axes in pyplot.gcf().axes[: len(SPACE)]:  # the last one is the colour bar's
         axes.set_xscale("linear")
-    pyplot.gcf().set_size_inches(3.5 * len(SPACE), 4.0)  # room for their names
+    pyplot.gcf().set_size_inches(4.0 * len(SPACE), 4.0)  # room for their names
     pyplot.savefig(OUT / "settings.png", bbox_inches="tight")
     pyplot.close("all")
 
