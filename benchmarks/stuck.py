@@ -17,9 +17,9 @@ from wayfarer import run_campaign, run_trial
 
 SEEDS = (1, 2, 3, 4)
 WEDGED_M, WEDGED_S = 0.3, 90.0  # it stays so near to a place for so long
-HELP = 20  # interventions: it climbs the same branches again and again
-SETTLED_S = 150.0  # half of the time: before that a rover cannot be said to orbit
-OLD_M, OLD_S = 0.15, 30.0  # where it was so long ago
+CLIMBING_INTERVENTIONS = 20  # at least: it climbs the same branches again and again
+LATE_S = 150.0  # half of the time: before that a rover cannot be said to orbit
+AGAIN_M, AGAIN_S = 0.15, 30.0  # it is so near to where it was so long before
 CLASSES = ("orbits", "wedged", "at new places", "climbs")
 HEADER = ("rover", "trials", "failed", *CLASSES)
 
@@ -47,8 +47,8 @@ def _class_of(clutter: Mapping[str, Any], number: int) -> str:
         away = np.flatnonzero(abs(way_m[at:] - way_m[at]) > WEDGED_M)
         if t_s[at + away[0] if away.size else -1] - t_s[at] > WEDGED_S:
             return "wedged"
-    if (trial.row.interventions or 0) >= HELP:
+    if (trial.row.interventions or 0) >= CLIMBING_INTERVENTIONS:
         return "climbs"
-    late = range(int(np.searchsorted(t_s, SETTLED_S)), len(t_s), 10)
-    old = [(abs(way_m[t_s < t_s[at] - OLD_S] - way_m[at]) < OLD_M).any() for at in late]
-    return "orbits" if np.mean(old) > 0.5 else "at new places"
+    late = range(int(np.searchsorted(t_s, LATE_S)), len(t_s), 10)
+    again = [(abs(way_m[t_s < t_s[at] - AGAIN_S] - way_m[at]) < AGAIN_M).any() for at in late]
+    return "orbits" if np.mean(again) > 0.5 else "at new places"

@@ -96,7 +96,7 @@ class PageModel:
         """Return how things are now.
 
         ``t_s`` is the time of the newest record of any kind, ``tick_t_s`` that of the newest tick, None before the
-        first: what a tick says, as the mode, may be older than ``t_s``.
+        first. What a tick says, such as the mode, may be older than ``t_s``.
         """
         run = self._fold.state
         tick, phase, level = run.tick, run.tick.phase, run.tick.level

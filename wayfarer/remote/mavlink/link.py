@@ -281,7 +281,7 @@ class SerialPort:
                 self._unsent = frame[os.write(self._line, frame) :]
 
     def serve(self) -> bool:
-        """Return that whoever is there is served."""
+        """Return True: a serial line has one station."""
         return True
 
     def forget(self) -> None:

@@ -76,7 +76,7 @@ function whyToEnd() {
   if (model.outcome) return "The run has ended.";
   if (connection.socket !== manual.socket || !connection.isOpen) return "Driving has ended: the connection was lost.";
   if (manual.state === "asked") return "";
-  // The mode is that of a tick: the newest one may be from before driving began, and other records be later.
+  // Not t_s: after the beginning a record of something else may come before the first tick, and the mode is a tick's.
   if (model.state.tick_t_s > manual.beganS && model.state.mode !== "manual") return "Driving has ended: the log below says why.";
   return performance.now() - manual.acceptedAt > LEASE_S * 1000 ? `Driving has ended: ${whyStanding() || "the page was too slow"}.` : "";
 }
